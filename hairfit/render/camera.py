@@ -1,0 +1,44 @@
+"""Pinhole cameras, as OpenCV has them: x right, y down, z forward."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+class Projected(NamedTuple):
+    """Where a point lands: pixels (first centre at 0.5, 0.5), and depth in metres."""
+
+    pixel: Float[Array, " 2"]
+    depth: Float[Array, ""]
+
+
+class Camera(eqx.Module):
+    """One photograph's camera without distortion (photographs are undistorted on load).
+
+    Attributes:
+        K: Intrinsic matrix, in pixels.
+        cam_from_world: Rigid transform from the world to the camera, in metres.
+        width: Width of the picture, in pixels.
+        height: Height of the picture, in pixels.
+    """
+
+    K: Float[Array, "3 3"]
+    cam_from_world: Float[Array, "4 4"]
+    width: int = eqx.field(static=True)
+    height: int = eqx.field(static=True)
+
+    @property
+    def centre(self) -> Float[Array, " 3"]:
+        """The camera's position in the world, in metres."""
+        return -self.cam_from_world[:3, :3].T @ self.cam_from_world[:3, 3]
+
+    def project(self, p_world: Float[Array, " 3"]) -> Projected:
+        """Return the pixel and the depth of one point of the world.
+
+        Points behind the camera have a depth that is not positive and no useful pixel.
+        """
+        p_cam = self.cam_from_world[:3, :3] @ p_world + self.cam_from_world[:3, 3]
+        depth = jnp.where(jnp.abs(p_cam[2]) < 1e-9, 1e-9, p_cam[2])
+        return Projected((self.K @ (p_cam / depth))[:2], p_cam[2])

@@ -1,0 +1,53 @@
+"""Plain containers that every part of hairfit passes around."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float, Int
+
+
+@dataclasses.dataclass(frozen=True)
+class Strands:
+    """Hair strands as polylines, root first. Metres.
+
+    Attributes:
+        points: All points of all strands, one strand after the other.
+        offsets: Where each strand starts in `points`, and at last the number of points.
+    """
+
+    points: Float[np.ndarray, "points 3"]
+    offsets: Int[np.ndarray, " strands_and_one"]
+
+    @classmethod
+    def from_array(cls, points: Float[np.ndarray, "strands knots 3"]) -> "Strands":
+        """Return the strands whose points are given as one array of equal counts."""
+        count, knots, _ = points.shape
+        flat = np.asarray(points, np.float32).reshape(-1, 3)
+        return cls(flat, np.arange(count + 1, dtype=np.int64) * knots)
+
+    @property
+    def count(self) -> int:
+        """The number of strands."""
+        return len(self.offsets) - 1
+
+    def resample(self, knots: int) -> Float[np.ndarray, "strands knots 3"]:
+        """Return every strand with `knots` points at equal distances along it."""
+        out = np.empty((self.count, knots, 3))
+        share = np.linspace(0.0, 1.0, knots)
+        for i, (first, last) in enumerate(
+            zip(self.offsets[:-1], self.offsets[1:], strict=True)
+        ):
+            points = self.points[first:last].astype(np.float64)
+            steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+            along = np.concatenate([[0.0], np.cumsum(steps)])
+            at = share * along[-1]
+            out[i] = np.stack([np.interp(at, along, points[:, k]) for k in range(3)], 1)
+        return out
+
+
+@dataclasses.dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh. Metres."""
+
+    vertices: Float[np.ndarray, "vertices 3"]
+    faces: Int[np.ndarray, "faces 3"]
