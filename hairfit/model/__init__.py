@@ -1,0 +1,35 @@
+"""What hair is: skeletons, contours, clusters, the scalp, the tree and its strands."""
+
+from .contour import contour_radius as contour_radius
+from .curve import arc_length as arc_length
+from .curve import catmull_rom as catmull_rom
+from .curve import catmull_rom_weights as catmull_rom_weights
+from .curve import resample as resample
+from .cylinder import GeneralizedCylinder as GeneralizedCylinder
+from .cylinder import cylinder_frames as cylinder_frames
+from .cylinder import cylinder_knots as cylinder_knots
+from .cylinder import cylinder_point as cylinder_point
+from .frame import Frames as Frames
+from .frame import frenet_frames as frenet_frames
+from .frame import rotation_minimising_frames as rotation_minimising_frames
+from .ownership import LocalCoordinates as LocalCoordinates
+from .ownership import contains as contains
+from .ownership import find_owner as find_owner
+from .ownership import local_coordinates as local_coordinates
+from .scalp import Scalp as Scalp
+from .scalp import sample_roots as sample_roots
+from .scalp import scalp_normal as scalp_normal
+from .scalp import scalp_point as scalp_point
+from .scalp import scalp_tangents as scalp_tangents
+from .scalp import scalp_uv as scalp_uv
+from .strand import grow_strands as grow_strands
+from .strand import sample_strands as sample_strands
+from .tree import HairTree as HairTree
+from .tree import ScalpContour as ScalpContour
+from .tree import children as children
+from .tree import cluster as cluster
+from .tree import descendants as descendants
+from .tree import leaves as leaves
+from .tree import levels as levels
+from .tree import plant as plant
+from .tree import stack as stack

@@ -1,10 +1,21 @@
 """The hair tree: clusters under clusters, rooted on a scalp."""
 
-import equinox as eqx
-from jaxtyping import Array, Float
+import functools
+from collections.abc import Sequence
+from typing import TypeVar
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, ScalarLike
+
+from .contour import ANGLES, contour_radius
 from .cylinder import GeneralizedCylinder
-from .scalp import Scalp
+from .scalp import Scalp, scalp_normal, scalp_point, scalp_tangents
+from .vector import norm, reject
+
+Stackable = TypeVar("Stackable", bound=eqx.Module)
 
 
 class ScalpContour(eqx.Module):
@@ -38,3 +49,133 @@ class HairTree(eqx.Module):
     cylinder: GeneralizedCylinder
     length_variation: Float[Array, " clusters"]
     parent: tuple[int, ...] = eqx.field(static=True)
+
+    def __check_init__(self):
+        count = len(self.parent)
+        for name in ("contour", "cylinder", "length_variation"):
+            for leaf in jax.tree.leaves(getattr(self, name)):
+                if leaf.shape[:1] != (count,):
+                    raise ValueError(
+                        f"`{name}` of a tree of {count} clusters needs arrays of "
+                        f"{count} rows, got the shape {leaf.shape}; `stack` makes them."
+                    )
+        for i, parent in enumerate(self.parent):
+            if not -1 <= parent < i:
+                raise ValueError(
+                    f"cluster {i} has the parent {parent}; a parent is -1 or stands "
+                    f"before its children."
+                )
+
+    @property
+    def count(self) -> int:
+        """The number of clusters, leaves and others."""
+        return len(self.parent)
+
+
+def stack(modules: Sequence[Stackable]) -> Stackable:
+    """Return modules of one kind, such as planted clusters, as one stacked module."""
+    if not modules:
+        raise ValueError("`stack` needs at least one module, got none.")
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *modules)
+
+
+def cluster(stacked: Stackable, index: int) -> Stackable:
+    """Return one cluster of a stacked module."""
+    return jax.tree.map(lambda leaf: leaf[index], stacked)
+
+
+@functools.lru_cache(maxsize=64)
+def depths_of(parent: tuple[int, ...]) -> np.ndarray:
+    """Return each cluster's depth, 0 for root clusters."""
+    depth = np.zeros(len(parent), np.int32)
+    for i, above in enumerate(parent):
+        depth[i] = 0 if above < 0 else depth[above] + 1
+    depth.setflags(write=False)  # shared by all who ask
+    return depth
+
+
+def levels(tree: HairTree) -> tuple[np.ndarray, ...]:
+    """Return the indices of the clusters of each level, root clusters first."""
+    depth = depths_of(tree.parent)
+    return tuple(np.flatnonzero(depth == i) for i in range(depth.max(initial=-1) + 1))
+
+
+def leaves(tree: HairTree) -> np.ndarray:
+    """Return the indices of the clusters without children, which alone own strands."""
+    return np.setdiff1d(np.arange(tree.count), np.asarray(tree.parent, int))
+
+
+def children(tree: HairTree, index: int) -> np.ndarray:
+    """Return the indices of a cluster's children; of the root clusters for -1."""
+    return np.flatnonzero(np.asarray(tree.parent, int) == index)
+
+
+def descendants(tree: HairTree, index: int) -> np.ndarray:
+    """Return the indices of all clusters below a cluster, in increasing order."""
+    parent = tree.parent
+    found = {index}
+    for i in range(index + 1, len(parent)):
+        if parent[i] in found:
+            found.add(i)
+    return np.array(sorted(found - {index}), int)
+
+
+def plant(
+    scalp: Scalp, contour: ScalpContour, length: ScalarLike, knots: int
+) -> GeneralizedCylinder:
+    r"""Return a straight cluster that stands on the scalp over its contour.
+
+    The skeleton leaves the contour's centre along the surface normal. The contour's
+    points are taken to the scalp (4-5) and projected onto the plane there; their
+    distances from the centre are the contour in the world (4-6), decomposed into
+    their mean and offsets and copied to every knot.
+
+    Equation (4-6) keeps distances but takes angles of scalp space for angles in the
+    world, which holds only where the patch is conformal: elsewhere strands would
+    leave their roots sideways, or mirrored if the patch is left-handed. So scale and
+    shear hold the patch's own linear map $(S_u, S_v)$, divided by the root of its
+    determinant, and (4-6) is measured in that map. On a conformal right-handed patch
+    scale is 1, shear 0, and this is (4-6) to the letter.
+
+    Args:
+        scalp: The patch.
+        contour: One contour in scalp space.
+        length: Length of the skeleton, in metres.
+        knots: Number of control points of the skeleton, 2 or more.
+    """
+    dtype = scalp.control.dtype
+    angle = jnp.arange(ANGLES, dtype=dtype) * (2.0 * jnp.pi / ANGLES)
+    reach = jax.vmap(contour_radius, (None, None, 0))(
+        contour.radius, contour.offset, angle
+    )
+    spoke = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=1)
+    around = contour.centre[None] + reach[:, None] * spoke
+
+    root = scalp_point(scalp, contour.centre)
+    up = scalp_normal(scalp, contour.centre)
+    du, dv = scalp_tangents(scalp, contour.centre)
+    normal = reject(du, up)
+    binormal = jnp.cross(up, normal)
+    nn, nb, bb = jnp.dot(du, normal), jnp.dot(dv, normal), jnp.dot(dv, binormal)
+    # Where the patch is pinched to a point or a line, it has no map of its own.
+    sound = nn * jnp.abs(bb) > 1e-6 * (nn * nn + nb * nb + bb * bb) + 1e-24
+    size = jnp.sqrt(jnp.where(sound, nn * jnp.abs(bb), 1.0))
+    scale_n = jnp.where(sound, nn / size, 1.0)
+    scale_b = jnp.where(sound, bb / size, 1.0)
+    shear = jnp.where(sound, nb / size, 0.0)
+
+    spread = jax.vmap(scalp_point, (None, 0))(scalp, around) - root[None]
+    y = jnp.sum(spread * binormal[None], axis=1) / scale_b
+    x = (jnp.sum(spread * normal[None], axis=1) - shear * y) / scale_n
+    distance = norm(jnp.stack([x, y], axis=1))
+    radius = jnp.mean(distance)
+    along = jnp.linspace(0.0, 1.0, knots, dtype=dtype) * length
+    return GeneralizedCylinder(
+        skeleton=root[None] + along[:, None] * up[None],
+        normal=normal,
+        radius=jnp.full(knots, radius, dtype),
+        offset=jnp.tile((distance - radius)[None], (knots, 1)),
+        scale=jnp.tile(jnp.stack([scale_n, scale_b])[None], (knots, 1)),
+        twist=jnp.zeros(knots, dtype),
+        shear=jnp.full(knots, shear, dtype),
+    )

@@ -1,0 +1,1 @@
+"""Pictures for the eye, by OpenGL without a window."""

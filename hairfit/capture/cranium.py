@@ -1,0 +1,82 @@
+"""Where the cranium of a head is, and what a ray from its centre meets."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..types import Mesh
+
+# Sizes of an adult head; other heads are scaled by their width. Metres.
+WIDTH = 0.152
+CENTRE_BELOW_TOP = 0.10
+FARTHEST = 0.16
+# The polar axis leans back, so that circles about it follow the hairline. Radians.
+TILT = np.radians(20.0)
+
+
+class Cranium(NamedTuple):
+    """A polar frame in the head: +y up and +z to the face, as in the world.
+
+    Attributes:
+        centre: The centre of the cranium, in metres.
+        axes: Rows: to the person's left, to the face, and the polar axis.
+        size: Width of the cranium over that of an adult.
+    """
+
+    centre: Float[np.ndarray, " 3"]
+    axes: Float[np.ndarray, "3 3"]
+    size: float
+
+    def direction(
+        self, polar: Float[np.ndarray, " rays"], azimuth: Float[np.ndarray, " rays"]
+    ) -> Float[np.ndarray, "rays 3"]:
+        """Return unit directions; azimuth 0 is the face, pi/2 the person's left."""
+        flat = np.sin(polar)[:, None] * (
+            np.sin(azimuth)[:, None] * self.axes[0]
+            + np.cos(azimuth)[:, None] * self.axes[1]
+        )
+        return flat + np.cos(polar)[:, None] * self.axes[2]
+
+
+def find_cranium(head: Mesh) -> Cranium:
+    """Return the polar frame of a head, found from the top of its mesh."""
+    vertices = head.vertices
+    top = vertices[:, 1].max()
+    size = 1.0
+    low = high = vertices[0]
+    for _ in range(3):
+        cap = vertices[vertices[:, 1] > top - 1.1 * CENTRE_BELOW_TOP * size]
+        low, high = np.percentile(cap, 1, axis=0), np.percentile(cap, 99, axis=0)
+        size = float(np.clip((high[0] - low[0]) / WIDTH, 0.5, 2.0))
+    centre = (low + high) / 2
+    centre[1] = top - CENTRE_BELOW_TOP * size
+    axes = np.array(
+        [
+            [1.0, 0.0, 0.0],
+            [0.0, np.sin(TILT), np.cos(TILT)],
+            [0.0, np.cos(TILT), -np.sin(TILT)],
+        ]
+    )
+    return Cranium(centre, axes, size)
+
+
+def skin_distance(
+    head: Mesh, cranium: Cranium, directions: Float[np.ndarray, "rays 3"]
+) -> Float[np.ndarray, " rays"]:
+    """Return how far the outermost skin is from the cranium's centre along each ray.
+
+    Rays that meet nothing, or only shoulders, get the median of the others.
+    """
+    import trimesh
+
+    mesh = trimesh.Trimesh(head.vertices, head.faces, process=False)
+    origins = np.broadcast_to(cranium.centre, directions.shape)
+    hits, rays, _ = mesh.ray.intersects_location(origins, directions)
+    away = np.linalg.norm(hits - cranium.centre, axis=1)
+    near = away < FARTHEST * cranium.size
+    distance = np.zeros(len(directions))
+    np.maximum.at(distance, rays[near], away[near])
+    met = distance > 0
+    distance[~met] = np.median(distance[met])
+    return distance

@@ -1,0 +1,299 @@
+"""The command line: one frozen dataclass a command, whose docstrings are the help."""
+
+import dataclasses
+import json as json_format
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+from tyro.conf import Positional, arg, subcommand
+
+from .errors import InputError
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """Recover a hair tree from photographs.
+
+    CAPTURE is a folder with `images/`, `masks/hair/`, `cameras.json` and `head.obj`.
+    RESULT becomes a folder with `tree.hairtree`, `strands.hair`, `report.json`,
+    `report.html` and `preview/`. A fit that was stopped goes on where it was when the
+    same command is given again.
+    """
+
+    capture: Annotated[Positional[Path], arg(metavar="CAPTURE")]
+    """The photographs."""
+    out: Annotated[Path, arg(metavar="RESULT")]
+    """The folder to write. An earlier result there is replaced when the fit is done."""
+    views: Annotated[str | None, arg(metavar="NAMES|COUNT")] = None
+    """Names (00,02,04), or how many (8), spread evenly over directions; else all."""
+    quality: Literal["draft", "normal", "high"] = "normal"
+    """How much time to take."""
+    seed: int = 0
+    """The same seed gives the same result."""
+    strands: int = 16_000
+    """How many strands to write."""
+    quiet: bool = False
+    """Show no progress."""
+    json: bool = False
+    """Print what `report.json` says as one line."""
+
+    def run(self) -> None:
+        """Fit, and write the result."""
+        from .capture import load_capture, require_for_fit
+        from .report.progress import say
+        from .report.result import check_out
+
+        at_least_one(self.strands, "--strands")
+        check_out(self.out, self.capture)
+        capture = load_capture(self.capture, self.views)
+        require_for_fit(capture)
+        for note in capture.notes:
+            say(note, quiet=self.quiet)
+
+        from .fit import FitConfig
+        from .report.fitting import fit_to_folder
+
+        start = time.monotonic()
+        config = FitConfig(quality=self.quality, seed=self.seed, strands=self.strands)
+        report = fit_to_folder(capture, config, self.out, quiet=self.quiet)
+        seconds = round(time.monotonic() - start, 1)
+        if self.json:
+            print_json({"result": str(self.out), "seconds": seconds, **report})
+            return
+        print(f"{report['clusters']} clusters, {report['strands']} strands")
+        print(f"wrote '{self.out}' in {seconds:.0f} s")
+        print(f"open '{self.out / 'report.html'}' to look at it")
+
+
+@dataclasses.dataclass(frozen=True)
+class Synth:
+    """Make a known hairstyle and photograph it: a capture with its truth."""
+
+    style: Annotated[Positional[str], arg(metavar="STYLE")]
+    """straight, wavy, curly or ponytail."""
+    out: Annotated[Path, arg(metavar="CAPTURE")]
+    """The folder to write; it must be new or empty."""
+    views: int = 8
+    """How many photographs: up to 8 on a ring around the head, the others above it."""
+    size: tuple[int, int] = (480, 640)
+    """Width and height of the photographs, in pixels."""
+    strands: int = 6000
+    """How many strands are photographed."""
+    seed: int = 0
+    """The same seed gives the same hairstyle."""
+    quiet: bool = False
+    """Show no progress."""
+
+    def run(self) -> None:
+        """Make and write the capture."""
+        from .report.progress import shown_progress
+        from .synthetic import (
+            STYLES,
+            Scene,
+            make_head,
+            make_scalp,
+            make_style,
+            write_capture,
+        )
+
+        if self.style not in STYLES:
+            raise InputError(
+                f"no style '{self.style}'; choose one of {', '.join(STYLES)}."
+            )
+        at_least_one(self.views, "--views")
+        at_least_one(self.strands, "--strands")
+        at_least_one(min(self.size), "--size")
+        scene = Scene(
+            views=self.views, size=self.size, strands=self.strands, seed=self.seed
+        )
+        head = make_head()
+        with shown_progress(quiet=self.quiet) as progress:
+            progress("growing the hair", 0.0)
+            tree = make_style(self.style, self.seed, make_scalp(head))
+            write_capture(tree, head, self.out, scene, progress=progress)
+        print(f"wrote '{self.out}'")
+        print(f"try `hairfit fit {self.out} --out {self.out.name}-result`")
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluate:
+    """Compare recovered strands with the true ones.
+
+    Precision, recall and F at 2 mm/20 degrees, 3 mm/30 and 4 mm/40, and more. Where the
+    capture is known, hair that its cameras see is also counted apart from the interior,
+    and the strands are compared with each photograph.
+    """
+
+    recovered: Annotated[Positional[Path], arg(metavar="RESULT_OR_STRANDS")]
+    """A result of `hairfit fit`, or strands (.hair or .npz)."""
+    truth: Annotated[Positional[Path], arg(metavar="TRUTH")]
+    """A capture with a `truth.npz`, or strands (.hair or .npz)."""
+    capture: Annotated[Path | None, arg(metavar="CAPTURE")] = None
+    """The capture, if neither the result nor the truth tells."""
+    quiet: bool = False
+    """Show no progress."""
+    json: bool = False
+    """Print all figures as one line of JSON."""
+
+    def run(self) -> None:
+        """Evaluate, and print the figures."""
+        from .report.compare import compare
+
+        found = compare(self.recovered, self.truth, self.capture, quiet=self.quiet)
+        if self.json:
+            print_json(found.to_dict())
+        else:
+            print_table(found.table())
+
+
+@dataclasses.dataclass(frozen=True)
+class Render:
+    """Draw a hairstyle as a PNG: as a photograph saw it, or from any direction."""
+
+    hair: Annotated[Positional[Path], arg(metavar="RESULT_TREE_OR_STRANDS")]
+    """A result of `hairfit fit`, a tree (.hairtree), or strands (.hair or .npz)."""
+    out: Annotated[Path, arg(metavar="PNG")]
+    """The picture to write."""
+    capture: Annotated[Path | None, arg(metavar="CAPTURE")] = None
+    """The capture whose head is drawn; a result knows its own."""
+    view: Annotated[str | None, arg(metavar="NAME")] = None
+    """Draw it as this photograph of the capture saw it."""
+    azimuth: float = 0.0
+    """Direction to look from, in degrees: 0 is the face, 90 the person's left."""
+    elevation: float = 8.0
+    """Height to look from, in degrees above the horizon."""
+    size: tuple[int, int] = (768, 960)
+    """Width and height of the picture, in pixels; a photograph has its own."""
+
+    def run(self) -> None:
+        """Draw, and write the picture."""
+        from .report.drawing import draw
+
+        at_least_one(min(self.size), "--size")
+        if self.out.suffix.lower() != ".png":
+            raise InputError(f"--out '{self.out}' must end with .png; rename it.")
+        draw(
+            self.hair,
+            self.out,
+            capture=self.capture,
+            view=self.view,
+            degrees=(self.azimuth, self.elevation),
+            size=self.size,
+        )
+        print(f"wrote '{self.out}'")
+
+
+@dataclasses.dataclass(frozen=True)
+class GrowStrands:
+    """Write strands of a tree."""
+
+    tree: Annotated[Positional[Path], arg(metavar="TREE")]
+    """A tree (.hairtree), or a result of `hairfit fit`."""
+    out: Annotated[Positional[Path], arg(metavar="OUT")]
+    """The strands to write: .hair or .npz."""
+    count: int = 10_000
+    """How many strands."""
+    points: int = 32
+    """How many points each strand has."""
+    seed: int = 0
+    """The same seed gives the same strands."""
+
+    def run(self) -> None:
+        """Grow the strands, and write them."""
+        from .report.hairstyles import read_tree, tree_strands
+
+        at_least_one(self.count, "--count")
+        if self.points < 2:
+            raise InputError(f"--points must be at least 2, not {self.points}.")
+        if self.out.suffix not in (".hair", ".npz"):
+            raise InputError(f"'{self.out}' must end with .hair or .npz; rename it.")
+        from .io.strands import save_strands
+
+        strands = tree_strands(read_tree(self.tree), self.count, self.points, self.seed)
+        save_strands(self.out, strands)
+        print(f"wrote {strands.count} strands to '{self.out}'")
+
+
+@dataclasses.dataclass(frozen=True)
+class Info:
+    """Say what a capture, a result, a tree or a file of strands holds."""
+
+    path: Annotated[Positional[Path], arg(metavar="PATH")]
+    """The folder or file."""
+    json: bool = False
+    """Print it as one line of JSON."""
+
+    def run(self) -> None:
+        """Describe it."""
+        from .report.describe import describe
+        from .report.html import flat
+
+        facts = describe(self.path)
+        if self.json:
+            print_json(facts)
+        else:
+            print_table(list(flat(facts).items()))
+
+
+Command = (
+    Annotated[Fit, subcommand("fit")]
+    | Annotated[Synth, subcommand("synth")]
+    | Annotated[Evaluate, subcommand("evaluate")]
+    | Annotated[Render, subcommand("render")]
+    | Annotated[GrowStrands, subcommand("strands")]
+    | Annotated[Info, subcommand("info")]
+)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run one command, and return its exit status.
+
+    Args:
+        args: The words after `hairfit`; those of the process if None.
+    """
+    command: Any = tyro.cli(
+        Command,
+        prog="hairfit",
+        description="From a few photographs to hair that can be edited.",
+        args=args,
+        config=(tyro.conf.FlagCreatePairsOff,),
+    )
+    try:
+        command.run()
+    except InputError as error:
+        print("hairfit: " + " ".join(str(error).split()), file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        goes_on = isinstance(command, Fit)
+        words = "; the same command goes on from here" if goes_on else ""
+        print(f"hairfit: stopped{words}.", file=sys.stderr)
+        return 130
+    return 0
+
+
+def at_least_one(number: int, option: str) -> None:
+    """Refuse an option that counts something and is less than one."""
+    if number < 1:
+        raise InputError(f"{option} must be at least 1, not {number}.")
+
+
+def print_json(content: dict[str, Any]) -> None:
+    """Print one line that machines read."""
+    from .report.result import plain
+
+    print(json_format.dumps(plain(content), ensure_ascii=False))
+
+
+def print_table(rows: Sequence[Sequence[str]]) -> None:
+    """Print rows in columns: the first to the left, the others to the right."""
+    # A row of a name and one value does not widen the columns of numbers.
+    wide = [row for row in rows if len(row) > 2]
+    first = max((len(row[0]) for row in rows), default=0)
+    others = max((len(cell) for row in wide for cell in row[1:]), default=0)
+    for name, *cells in rows:
+        line = f"{name:{first}}" + "".join(f"  {cell:>{others}}" for cell in cells)
+        print(line.rstrip())

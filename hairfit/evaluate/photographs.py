@@ -1,0 +1,93 @@
+"""Recovered strands against the photographs themselves."""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..capture.orientation import estimate_orientation
+from ..render.raster import rasterise
+from .visibility import Sight
+
+COVER_PX = 1.0
+"""How far beyond its own pixels a strand covers: recovered strands are fewer."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PhotographErrors:
+    """How strands, drawn by a photograph's camera, fit that photograph.
+
+    Attributes:
+        name: Name of the photograph.
+        mean_angle_deg: Mean angle between drawn hair and the orientation map, weighted
+            by its confidence; None if no confident pixel is covered.
+        median_angle_deg: Median of the same, weighted alike.
+        iou: Area of drawn hair and hair mask in common, over that of either.
+    """
+
+    name: str
+    mean_angle_deg: float | None
+    median_angle_deg: float | None
+    iou: float
+
+
+class WeightedErrors(NamedTuple):
+    """Mean and median, weighted."""
+
+    mean: float
+    median: float
+
+
+def compare_with_photograph(
+    points: Float[np.ndarray, "strands knots 3"], sight: Sight
+) -> PhotographErrors:
+    """Return how strands fit one photograph.
+
+    Args:
+        points: The strands, with equal counts of points.
+        sight: The photograph.
+    """
+    view, behind = sight
+    drawn = rasterise(points, view.camera, mesh_depth=behind)
+    wide = rasterise(points, view.camera, mesh_depth=behind, radius_px=COVER_PX)
+    found = estimate_orientation(view.image, view.hair)
+    weight = np.where(drawn.coverage & view.hair, found.confidence, 0.0)
+    at = weight > 0.0
+    errors = None
+    if at.any():
+        errors = weigh(line_angle(drawn.orientation[at], found.angle[at]), weight[at])
+    return PhotographErrors(
+        name=view.name,
+        mean_angle_deg=None if errors is None else float(np.degrees(errors.mean)),
+        median_angle_deg=None if errors is None else float(np.degrees(errors.median)),
+        iou=overlap(wide.coverage, view.hair),
+    )
+
+
+def line_angle(
+    first: Float[np.ndarray, " pixels"], second: Float[np.ndarray, " pixels"]
+) -> Float[np.ndarray, " pixels"]:
+    """Return the angle between lines, in [0, pi/2]."""
+    gap = np.mod(first.astype(np.float64) - second, np.pi)
+    return np.minimum(gap, np.pi - gap)
+
+
+def weigh(
+    values: Float[np.ndarray, " pixels"], weights: Float[np.ndarray, " pixels"]
+) -> WeightedErrors:
+    """Return the weighted mean and median."""
+    order = np.argsort(values, kind="stable")
+    share = np.cumsum(weights[order])
+    middle = order[np.searchsorted(share, share[-1] / 2)]
+    return WeightedErrors(
+        float(np.average(values, weights=weights)), float(values[middle])
+    )
+
+
+def overlap(
+    first: Bool[np.ndarray, "height width"], second: Bool[np.ndarray, "height width"]
+) -> float:
+    """Return the area of both over the area of either; 1 if both are empty."""
+    either = int(np.sum(first | second))
+    return float(np.sum(first & second)) / either if either else 1.0

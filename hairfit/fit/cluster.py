@@ -1,0 +1,158 @@
+"""Grown strands are gathered into clusters, two levels of them."""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.cluster.vq import kmeans2
+
+from ..model.contour import ANGLES
+from ..model.ownership import find_owner
+from ..model.scalp import Scalp, scalp_tangents
+from ..model.tree import HairTree, ScalpContour, plant
+
+# Roots count more than other points of a strand: a cluster must be one piece of scalp.
+ROOT_WEIGHT = 3.0
+# Contours of root clusters overlap, so that every root lies in one [Kim02, 4.5].
+OVERLAP = 1.4
+LEAF_OVERLAP = 1.15
+SHAPE_POINTS = 6
+STUB = 0.01  # metres
+
+
+class Layout(NamedTuple):
+    """Where the clusters of a tree are rooted and how they hang together.
+
+    Attributes:
+        tree: The clusters, root clusters first, planted as straight stubs.
+        metric: Metres on the scalp for 1 of scalp space at each contour's centre.
+        owner: The leaf that owns each strand, -1 if none does.
+    """
+
+    tree: HairTree
+    metric: Float[np.ndarray, " clusters"]
+    owner: Int[np.ndarray, " strands"]
+
+
+def lay_clusters(
+    scalp: Scalp,
+    uv: Float[np.ndarray, "strands 2"],
+    strands: Float[np.ndarray, "strands knots 3"],
+    *,
+    roots: int,
+    leaves: int,
+    seed: int,
+) -> Layout:
+    """Return the scalp contours of clusters of strands that start and run alike.
+
+    Args:
+        scalp: The scalp.
+        uv: Roots of the strands in scalp space.
+        strands: The strands, root first.
+        roots: Number of root clusters wanted.
+        leaves: Number of leaf clusters wanted, shared out by the number of strands.
+        seed: Of the k-means.
+    """
+    at = np.linspace(0, strands.shape[1] - 1, SHAPE_POINTS + 1).round().astype(int)
+    features = strands[:, at].copy()
+    features[:, 0] *= ROOT_WEIGHT
+    features = features.reshape(len(strands), -1)
+    rng = np.random.default_rng(seed)
+    upper = _compact(_kmeans(features, roots, rng))
+    centre, radius, offset = [], [], []
+    parent: list[int] = []
+    for index in range(upper.max() + 1):
+        members = uv[upper == index]
+        centre.append(members.mean(axis=0))
+        parent.append(-1)
+    cells = _voronoi(np.array(centre)) * OVERLAP
+    spacing = np.sqrt(1.0 / len(uv))
+    below: list[tuple[int, np.ndarray]] = []
+    # A root goes to the closest centre that contains it, so cells hold those roots.
+    held = _closest(uv, np.array(centre))
+    for index in range(len(centre)):
+        members = np.flatnonzero(held == index)
+        around = _star(uv[members] - centre[index], spacing) * LEAF_OVERLAP
+        cells[index] = np.minimum(cells[index], around)
+        share = max(1, round(leaves * len(members) / len(uv)))
+        lower = _compact(_kmeans(features[members], share, rng)) if len(members) else []
+        below += [
+            (index, members[lower == k]) for k in range(max(lower, default=-1) + 1)
+        ]
+    for reach in cells:
+        radius.append(reach.mean())
+        offset.append(reach - reach.mean())
+    for index, members in below:
+        middle = uv[members].mean(axis=0)
+        reach = _star(uv[members] - middle, spacing) * LEAF_OVERLAP
+        centre.append(middle)
+        parent.append(index)
+        radius.append(reach.mean())
+        offset.append(reach - reach.mean())
+    contour = jax.vmap(ScalpContour)(
+        jnp.asarray(np.array(centre)),
+        jnp.asarray(np.array(radius)),
+        jnp.asarray(np.array(offset)),
+    )
+    stub = functools.partial(plant, scalp, length=STUB, knots=strands.shape[1])
+    still = jnp.zeros_like(contour.radius)
+    tree = HairTree(scalp, contour, jax.vmap(stub)(contour), still, tuple(parent))
+    tangents = jax.vmap(scalp_tangents, (None, 0))(scalp, contour.centre)
+    area = np.cross(np.asarray(tangents.u), np.asarray(tangents.v))
+    metric = np.sqrt(np.linalg.norm(area, axis=1))
+    return Layout(tree, metric, np.asarray(find_owner(tree, uv)))
+
+
+def _kmeans(
+    features: Float[np.ndarray, "strands features"], count: int, rng
+) -> Int[np.ndarray, " strands"]:
+    count = min(count, len(features))
+    if count <= 1:
+        return np.zeros(len(features), int)
+    start = features[rng.choice(len(features), count, replace=False)]
+    return kmeans2(features, start, iter=12, minit="matrix", missing="warn")[1]
+
+
+def _compact(label: Int[np.ndarray, " strands"]) -> Int[np.ndarray, " strands"]:
+    """Number the labels that occur from 0 on."""
+    return np.unique(label, return_inverse=True)[1]
+
+
+def _closest(
+    uv: Float[np.ndarray, "strands 2"], centre: Float[np.ndarray, "clusters 2"]
+) -> Int[np.ndarray, " strands"]:
+    return np.argmin(((uv[:, None] - centre[None]) ** 2).sum(axis=2), axis=1)
+
+
+def _directions() -> Float[np.ndarray, "32 2"]:
+    angle = np.arange(ANGLES) * (2 * np.pi / ANGLES)
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _voronoi(
+    centre: Float[np.ndarray, "clusters 2"],
+) -> Float[np.ndarray, "clusters 32"]:
+    """Return how far each Voronoi cell reaches in 32 directions, at most to the border."""
+    directions = _directions()
+    away = centre[None] - centre[:, None]
+    along = np.einsum("ijk,ak->ija", away, directions)
+    square = (away**2).sum(axis=2)[..., None]
+    reach = np.where(along > 1e-9, square / np.maximum(2 * along, 1e-9), np.inf)
+    wall = np.where(directions > 0, 1.0, 0.0)[None] - centre[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        border = np.where(np.abs(directions) > 1e-9, wall / directions, np.inf)
+    return np.minimum(reach.min(axis=1), np.maximum(border.min(axis=2), 1e-3))
+
+
+def _star(
+    members: Float[np.ndarray, "strands 2"], least: float
+) -> Float[np.ndarray, " 32"]:
+    """Return the star-shaped border around roots, from their centre in 32 directions."""
+    distance = np.linalg.norm(members, axis=1)
+    across = members @ _directions().T
+    angle = np.arccos(np.clip(across / np.maximum(distance, 1e-12)[:, None], -1, 1))
+    near = angle < 2.0 * np.pi / ANGLES
+    return np.maximum(np.where(near, distance[:, None], 0.0).max(axis=0), 0.0) + least

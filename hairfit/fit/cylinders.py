@@ -1,0 +1,209 @@
+"""Generalized cylinders fitted to the strands of their clusters by least squares."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import lineax as lx
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float, Int
+
+from ..model.cylinder import GeneralizedCylinder, cylinder_frames
+from ..model.strand import strand_knots
+from ..model.tree import HairTree
+from .cluster import Layout
+
+# Strands of one cluster differ by about so much from its linear map. Metres.
+SPREAD = 0.002
+# A cluster of few strands keeps its thickness: this many strands at one radius each
+# would outweigh the prior.
+PRIOR_STRANDS = 4.0
+# Strands farther than this from their cluster's are outliers. Metres, over its length.
+OUTLIER = 0.006
+ROBUST_STEPS = 6
+WIDEST = 2.0  # times the width at the roots
+# How far least squares may go from its start, which is the solution but for the planes
+# of the cross-sections: metres, and no unit.
+SKELETON_PRIOR, MAP_PRIOR = 0.01, 0.25
+
+
+class FittedTree(NamedTuple):
+    """A tree fitted to strands, and how well.
+
+    Attributes:
+        tree: The tree.
+        error: Median distance of knots from their strands, in metres.
+        result: What the solver said.
+    """
+
+    tree: HairTree
+    error: float
+    result: str
+
+
+class Members(NamedTuple):
+    """Strands as their clusters see them: each strand once a level."""
+
+    uv: Float[Array, "members 2"]
+    owner: Int[Array, " members"]
+    knots: Float[Array, "members knots 3"]
+    weight: Float[Array, " members"]
+
+
+def fit_cylinders(layout: Layout, members: Members, *, steps: int = 4) -> FittedTree:
+    """Return the tree whose clusters come closest to their strands.
+
+    First each cluster alone, in closed form: at every knot a linear map of the root's
+    plane. Then all parameters together by Levenberg-Marquardt, matrix-free.
+
+    Args:
+        layout: The clusters' contours and topology.
+        members: The strands of every cluster, on all levels.
+        steps: Most steps of the least squares.
+    """
+    start = _closed_form(layout, members)
+    flexible = _flexible(start)
+    distance = jnp.mean(
+        jnp.sum(_distance(start, layout.tree.contour, members) ** 2, axis=2), 1
+    )
+    weight = 1.0 / (1.0 + distance / (2.0 * OUTLIER) ** 2)
+    problem = (layout.tree.contour, start, members._replace(weight=weight))
+    solver = optx.LevenbergMarquardt(
+        rtol=1e-3,
+        atol=1e-3,
+        linear_solver=lx.Normal(lx.CG(rtol=1e-2, atol=1e-6, max_steps=25)),
+    )
+    solution = optx.least_squares(
+        _residuals, solver, flexible, args=problem, max_steps=steps, throw=False
+    )
+    cylinder = _with(start, solution.value)
+    distance = _distance(cylinder, layout.tree.contour, members)
+    error = float(jnp.median(jnp.linalg.norm(distance, axis=2)))
+    tree = eqx.tree_at(lambda t: t.cylinder, layout.tree, cylinder)
+    return FittedTree(tree, error, str(optx.RESULTS[solution.result]))
+
+
+def _flexible(cylinder: GeneralizedCylinder):
+    return cylinder.skeleton, cylinder.scale, cylinder.twist, cylinder.shear
+
+
+def _with(cylinder: GeneralizedCylinder, values) -> GeneralizedCylinder:
+    return eqx.tree_at(_flexible, cylinder, values)
+
+
+def _distance(
+    cylinder: GeneralizedCylinder, contour, members: Members
+) -> Float[Array, "members knots 3"]:
+    """Return what separates the clusters' strands from the given ones, past the root."""
+    frames = jax.vmap(cylinder_frames)(cylinder)
+    mine = jax.tree.map(lambda leaf: leaf[members.owner], (contour, cylinder, frames))
+    whole = jnp.ones(len(members.owner), members.knots.dtype)
+    knots = jax.vmap(strand_knots)(*mine, members.uv, whole)
+    return knots[:, 1:] - members.knots[:, 1:]
+
+
+def _residuals(values, problem):
+    contour, start, members = problem
+    distance = _distance(_with(start, values), contour, members)
+    distance = distance * members.weight[:, None, None]
+    skeleton, *maps = jax.tree.map(jnp.subtract, values, _flexible(start))
+    return distance / SPREAD, skeleton / SKELETON_PRIOR, [m / MAP_PRIOR for m in maps]
+
+
+def _closed_form(layout: Layout, members: Members) -> GeneralizedCylinder:
+    """Return each cluster's mean curve and linear maps by regression on the roots."""
+    contour, metric = layout.tree.contour, layout.metric
+    count, knots = len(metric), members.knots.shape[1]
+    owner = np.asarray(members.owner)
+    strands = np.asarray(members.knots, np.float64)
+    delta = np.asarray(members.uv, np.float64) - np.asarray(contour.centre)[owner]
+    place = delta * metric[owner][:, None]
+    order = np.argsort(owner, kind="stable")
+    first = np.searchsorted(owner[order], np.arange(count + 1))
+    skeleton = np.zeros((count, knots, 3))
+    maps = np.zeros((count, knots, 3, 2))
+    for index in range(count):
+        mine = order[first[index] : first[index + 1]]
+        skeleton[index], maps[index] = _regress(place[mine], strands[mine])
+    normal = maps[:, 0, :, 0]
+    radius = np.asarray(contour.radius) * metric
+    offset = np.asarray(contour.offset) * metric[:, None]
+    plain = jax.vmap(GeneralizedCylinder)(
+        jnp.asarray(skeleton),
+        jnp.asarray(normal),
+        jnp.tile(jnp.asarray(radius)[:, None], (1, knots)),
+        jnp.tile(jnp.asarray(offset)[:, None], (1, knots, 1)),
+        jnp.ones((count, knots, 2)),
+        jnp.zeros((count, knots)),
+        jnp.zeros((count, knots)),
+    )
+    frames = jax.vmap(cylinder_frames)(plain)
+    across = np.stack([np.asarray(frames.normal), np.asarray(frames.binormal)], axis=2)
+    scale, twist, shear = split_map(np.einsum("gkij,gkjl->gkil", across, maps))
+    return _with(plain, (plain.skeleton, *map(jnp.asarray, (scale, twist, shear))))
+
+
+def _regress(
+    place: Float[np.ndarray, "members 2"], strands: Float[np.ndarray, "members knots 3"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean curve at the contour's centre and the slopes by the roots' place.
+
+    Robust against strands that run elsewhere (Geman-McClure weights about the solution
+    before). The prior for the slopes at each knot is those at the knot before: a
+    cluster of few strands runs on with the thickness that its roots have.
+    """
+    knots = strands.shape[1]
+    # The medoid, not the mean: between two ways of hair there is no hair.
+    apart = np.linalg.norm(
+        strands[:, None, :: knots // 4] - strands[None, :, :: knots // 4], axis=3
+    )
+    central = np.argmin(np.median(apart.mean(axis=2), axis=1))
+    fitted = np.broadcast_to(strands[central], strands.shape)
+    curve, slopes = np.zeros((knots, 3)), np.zeros((knots, 3, 2))
+    for _ in range(ROBUST_STEPS):
+        error = ((strands - fitted) ** 2).sum(axis=2).mean(axis=1)
+        scale = np.maximum(np.median(error), OUTLIER**2)
+        weight = 1.0 / (1.0 + error / scale) ** 2
+        weight /= weight.sum()
+        middle = weight @ place
+        away = place - middle
+        spread = (weight[:, None] * away).T @ away
+        mean = np.einsum("s,skx->kx", weight, strands)
+        product = np.einsum("s,si,skx->kxi", weight, away, strands - mean)
+        typical = np.trace(spread) / 2 + 1e-8
+        prior = typical * PRIOR_STRANDS / len(place)
+        # Roots lie on the scalp: there the slope is known better than by the strands.
+        slopes[0] = product[0] @ np.linalg.inv(spread + 0.05 * typical * np.eye(2))
+        inverse = np.linalg.inv(spread + prior * np.eye(2))
+        for knot in range(1, knots):
+            slopes[knot] = (product[knot] + prior * slopes[knot - 1]) @ inverse
+        slopes = _at_most(slopes, WIDEST)
+        curve = mean - slopes @ middle
+        fitted = curve[None] + np.einsum("kxi,si->skx", slopes, place)
+    return curve, slopes
+
+
+def _at_most(
+    slopes: Float[np.ndarray, "knots 3 2"], widest: float
+) -> Float[np.ndarray, "knots 3 2"]:
+    """Cut singular values: no cluster opens like a fan because of a stray strand."""
+    left, size, right = np.linalg.svd(slopes, full_matrices=False)
+    return (left * np.minimum(size, widest)[:, None, :]) @ right
+
+
+def split_map(maps: Float[np.ndarray, "*batch knots 2 2"]):
+    r"""Return scale, twist and shear of linear maps of the cross-section.
+
+    Every map is $\begin{pmatrix} S_N & H \\ 0 & S_B \end{pmatrix}$ after a rotation by
+    $W$. Twist is taken continuous along the knots; a scale may be negative.
+    """
+    twist = np.unwrap(
+        np.arctan2(maps[..., 1, 0], maps[..., 1, 1]), period=np.pi, axis=-1
+    )
+    cos, sin = np.cos(twist), np.sin(twist)
+    scale_b = maps[..., 1, 0] * sin + maps[..., 1, 1] * cos
+    scale_n = maps[..., 0, 0] * cos - maps[..., 0, 1] * sin
+    shear = maps[..., 0, 0] * sin + maps[..., 0, 1] * cos
+    return np.stack([scale_n, scale_b], axis=-1), twist, shear

@@ -1,0 +1,237 @@
+"""What the photographs say about the direction of hair in space.
+
+In each voxel the photographs that see it give planes that hold the hair; the direction
+nearest to all planes is the evidence. Inside the hair, where nobody looks, the structure
+tensor is diffused: it has no sign, so neither has its mean.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from scipy import ndimage
+
+from ..capture.capture import View
+from ..capture.orientation import OrientationMap
+from ..render.raster import project_points
+from .hull import Hull, first_hit
+
+DEPTH_SCALE = 0.006  # metres behind the hull's surface where a photograph fades
+SURFACE_WEIGHT = 0.1  # of "hair lies in the surface", against one sharp photograph
+SMOOTHING = 0.3  # of the diffusion, against one voxel of full evidence
+TOLERANCE = 2e-3  # relative residual at which the diffusion stops
+MOST_STEPS = 400
+
+
+class Evidence(NamedTuple):
+    """Directions in the voxels of a hull's hair, one row a voxel.
+
+    Attributes:
+        direction: Unit direction without sign.
+        weight: How much the photographs say; 0 where none looks, about 1 per sharp view.
+    """
+
+    direction: Float[np.ndarray, "voxels 3"]
+    weight: Float[np.ndarray, " voxels"]
+
+
+class Field(NamedTuple):
+    """A direction without sign at every voxel of a grid, also outside the hair.
+
+    Attributes:
+        direction: Unit direction.
+        anisotropy: How sure it is, from 0 (any direction) to 1 (one direction).
+    """
+
+    direction: Float[np.ndarray, "x y z 3"]
+    anisotropy: Float[np.ndarray, "x y z"]
+
+
+def gather(
+    hull: Hull,
+    views: Sequence[View],
+    maps: Sequence[OrientationMap],
+    depths: Sequence[Float[np.ndarray, "height width"]],
+) -> Evidence:
+    r"""Return the least eigenvector of $\sum w\,n n^T$ in every voxel of hair.
+
+    $n$ is the normal of the plane through the camera and the line in the picture. The
+    normal of the hull's surface joins in weakly: hair mostly lies in the surface, which
+    decides where views agree on a plane only.
+
+    Args:
+        hull: The hull.
+        views: The photographs.
+        maps: Their orientation maps.
+        depths: Depth of the head in each photograph, in metres.
+    """
+    points = hull.grid.centres(hull.hair)
+    planes = np.zeros((len(points), 3, 3))
+    total = np.zeros(len(points))
+    for view, found, head_depth in zip(views, maps, depths, strict=True):
+        normal, weight = _planes(hull, points, view, found, head_depth)
+        planes += weight[:, None, None] * normal[:, :, None] * normal[:, None, :]
+        total += weight
+    surface = _surface_normal(hull)
+    share = SURFACE_WEIGHT * np.minimum(total, 1.0)
+    planes += share[:, None, None] * surface[:, :, None] * surface[:, None, :]
+    values, vectors = np.linalg.eigh(planes)
+    gap = (values[:, 1] - values[:, 0]) / np.maximum(values[:, 1] + values[:, 0], 1e-12)
+    return Evidence(vectors[:, :, 0], total * np.clip(gap, 0.0, 1.0))
+
+
+def _planes(
+    hull: Hull,
+    points: Float[np.ndarray, "voxels 3"],
+    view: View,
+    found: OrientationMap,
+    head_depth: Float[np.ndarray, "height width"],
+) -> tuple[Float[np.ndarray, "voxels 3"], Float[np.ndarray, " voxels"]]:
+    """Return the plane's normal and the weight of one view in every voxel."""
+    step = 2
+    hit = first_hit(hull, view, step=step)
+    pixel, depth = project_points(points, view.camera)
+    x, y = np.floor(pixel[:, 0]).astype(int), np.floor(pixel[:, 1]).astype(int)
+    height, width = view.hair.shape
+    seen = (depth > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
+    row = np.minimum(y // step, hit.shape[0] - 1)
+    column = np.minimum(x // step, hit.shape[1] - 1)
+    seen &= view.hair[y, x] & (depth < head_depth[y, x] + 0.002)
+    behind = np.maximum(depth - hit[row, column], 0.0)
+    fade = np.exp(-((behind / DEPTH_SCALE) ** 2))
+    weight = np.where(seen, fade * found.confidence[y, x], 0.0)
+    angle = found.angle[y, x]
+    inverse = np.linalg.inv(np.asarray(view.camera.K, np.float64))
+    ray = np.column_stack([pixel, np.ones(len(pixel))]) @ inverse.T
+    line = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
+    cam = np.asarray(view.camera.cam_from_world, np.float64)
+    normal = np.cross(ray, line @ inverse.T) @ cam[:3, :3]
+    return normal / np.linalg.norm(normal, axis=1, keepdims=True), weight
+
+
+def _surface_normal(hull: Hull) -> Float[np.ndarray, "voxels 3"]:
+    """Return the outward normal of hair and head together, smoothed over 2 voxels."""
+    solid = ndimage.gaussian_filter((hull.hair | (hull.head < 0)).astype(float), 2.0)
+    slope = -np.stack(np.gradient(solid), axis=-1)[hull.hair]
+    return slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-12)
+
+
+def diffuse(hull: Hull, evidence: Evidence) -> Field:
+    """Fill the hull with directions from the evidence, and carry them past its border.
+
+    The tensors $T$ of all voxels minimise $w |T - d d^T|^2 + \\lambda |\\nabla T|^2$;
+    conjugate gradients, first on every second voxel, then on all.
+    """
+    index = np.argwhere(hull.hair)
+    target = _outer(evidence.direction)
+    half, member = np.unique(index // 2, axis=0, return_inverse=True)
+    member = member.ravel()
+    weight = np.bincount(member, evidence.weight)
+    mean = np.stack([np.bincount(member, evidence.weight * t) for t in target.T], 1)
+    mean /= np.maximum(weight, 1e-9)[:, None]
+    start = _solve(half, weight / 8, mean, np.zeros_like(mean), 4 * SMOOTHING / 8)
+    tensor = _solve(index, evidence.weight, target, start[member], SMOOTHING)
+    values, vectors = np.linalg.eigh(_matrix(tensor))
+    sure = (values[:, 2] - values[:, 1]) / np.maximum(values[:, 2], 1e-12)
+    direction = np.zeros((*hull.grid.shape, 3))
+    anisotropy = np.zeros(hull.grid.shape)
+    direction[hull.hair] = vectors[:, :, 2]
+    anisotropy[hull.hair] = np.clip(sure, 0.0, 1.0)
+    _, nearest = ndimage.distance_transform_edt(~hull.hair, return_indices=True)
+    return Field(direction[tuple(nearest)], anisotropy[tuple(nearest)])
+
+
+def _outer(d: Float[np.ndarray, "voxels 3"]) -> Float[np.ndarray, "voxels 6"]:
+    """Return the six different entries of $d d^T$."""
+    x, y, z = d.T
+    return np.stack([x * x, y * y, z * z, x * y, x * z, y * z], axis=1)
+
+
+def _matrix(t: Float[np.ndarray, "voxels 6"]) -> Float[np.ndarray, "voxels 3 3"]:
+    """Return symmetric matrices from their six different entries."""
+    return t[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+
+
+def _neighbours(index: Int[np.ndarray, "voxels 3"]) -> Int[np.ndarray, "voxels 6"]:
+    """Return the row of each face neighbour, or the number of voxels if there is none."""
+    size = index.max(axis=0) + 3
+    row = np.full(tuple(size), len(index))
+    inner = index + 1
+    row[tuple(inner.T)] = np.arange(len(index))
+    steps = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
+    return np.stack([row[tuple((inner + step).T)] for step in steps], axis=1)
+
+
+def _solve(
+    index: Int[np.ndarray, "voxels 3"],
+    weight: Float[np.ndarray, " voxels"],
+    target: Float[np.ndarray, "voxels 6"],
+    start: Float[np.ndarray, "voxels 6"],
+    smoothing: float,
+) -> Float[np.ndarray, "voxels 6"]:
+    """Return the minimum of weighted differences and smoothness on a set of voxels."""
+    around = _neighbours(index)
+    # A size that repeats between captures would be chance: pad, so that few compile.
+    rows = -(-len(index) // 32768) * 32768
+    spare = rows - len(index)
+    around = np.where(around == len(index), rows, around)
+    around = np.pad(around, ((0, spare), (0, 0)), constant_values=rows)
+
+    def padded(values):
+        values = values.reshape(len(index), -1)
+        return jnp.asarray(np.pad(values, ((0, spare), (0, 0))), jnp.float32)
+
+    solution = _conjugate_gradients(
+        jnp.asarray(around, jnp.int32),
+        padded(weight),
+        padded(target),
+        padded(start),
+        jnp.float32(smoothing),
+    )
+    return np.asarray(solution, np.float64)[: len(index)]
+
+
+@jax.jit
+def _conjugate_gradients(
+    around: Int[Array, "voxels 6"],
+    weight: Float[Array, "voxels 1"],
+    target: Float[Array, "voxels 6"],
+    start: Float[Array, "voxels 6"],
+    smoothing: Float[Array, ""],
+) -> Float[Array, "voxels 6"]:
+    """Solve $(w + \\lambda L) T = w T_0$ with a diagonal preconditioner."""
+    degree = (around < len(weight)).sum(axis=1, keepdims=True)
+    # The last term keeps voxels that no evidence reaches at zero, not undefined.
+    diagonal = weight + smoothing * degree.astype(weight.dtype) + 1e-6
+
+    def apply(x):
+        wide = jnp.concatenate([x, jnp.zeros((1, 6), x.dtype)])
+        near = sum(wide[around[:, j]] for j in range(6))
+        return diagonal * x - smoothing * near
+
+    right = weight * target
+    limit = TOLERANCE**2 * jnp.sum(right**2)
+
+    def go_on(state):
+        _, residual, _, _, step = state
+        return (jnp.sum(residual**2) > limit) & (step < MOST_STEPS)
+
+    def advance(state):
+        x, residual, search, product, step = state
+        applied = apply(search)
+        alpha = product / jnp.maximum(jnp.sum(search * applied), 1e-30)
+        x = x + alpha * search
+        residual = residual - alpha * applied
+        preconditioned = residual / diagonal
+        new = jnp.sum(residual * preconditioned)
+        search = preconditioned + new / jnp.maximum(product, 1e-30) * search
+        return x, residual, search, new, step + 1
+
+    residual = right - apply(start)
+    search = residual / diagonal
+    state = (start, residual, search, jnp.sum(residual * search), 0)
+    return jax.lax.while_loop(go_on, advance, state)[0]

@@ -1,0 +1,78 @@
+"""A regular grid of voxels and what is sampled on it."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+
+@dataclasses.dataclass(frozen=True)
+class Grid:
+    """Cubic voxels in the world frame.
+
+    Attributes:
+        origin: Lower corner of the first voxel, in metres.
+        spacing: Edge of a voxel, in metres.
+        shape: Number of voxels along x, y and z.
+    """
+
+    origin: Float[np.ndarray, " 3"]
+    spacing: float
+    shape: tuple[int, int, int]
+
+    @classmethod
+    def around(
+        cls, low: Float[np.ndarray, " 3"], high: Float[np.ndarray, " 3"], spacing: float
+    ) -> "Grid":
+        """Return the smallest grid that holds the box from `low` to `high`."""
+        counts = np.maximum(np.ceil((high - low) / spacing), 1).astype(int)
+        return cls(
+            np.asarray(low, np.float64),
+            spacing,
+            (int(counts[0]), int(counts[1]), int(counts[2])),
+        )
+
+    def centres(self, mask: Bool[np.ndarray, "x y z"]) -> Float[np.ndarray, "voxels 3"]:
+        """Return the centres of the voxels in `mask`, in metres."""
+        return self.origin + (np.argwhere(mask) + 0.5) * self.spacing
+
+    def voxel(self, points: Float[np.ndarray, "points 3"]) -> Int[np.ndarray, "_ 3"]:
+        """Return the voxel that holds each point; it may lie outside the grid."""
+        return np.floor((points - self.origin) / self.spacing).astype(int)
+
+    def inside(self, voxels: Int[np.ndarray, "points 3"]) -> Bool[np.ndarray, " _"]:
+        """Return which voxels lie in the grid."""
+        return ((voxels >= 0) & (voxels < np.array(self.shape))).all(axis=1)
+
+
+def trilinear(
+    field: Float[Array, "x y z channels"],
+    origin: Float[Array, " 3"],
+    spacing: Float[Array, ""],
+    point: Float[Array, " 3"],
+) -> Float[Array, " channels"]:
+    """Return the field at a point in metres; outside the grid its border holds."""
+    index, weight = corners(field.shape[:3], origin, spacing, point)
+    return weight @ field[index[:, 0], index[:, 1], index[:, 2]]
+
+
+def corners(
+    shape: tuple[int, ...],
+    origin: Float[Array, " 3"],
+    spacing: Float[Array, ""],
+    point: Float[Array, " 3"],
+) -> tuple[Int[Array, "8 3"], Float[Array, " 8"]]:
+    """Return the eight voxels around a point, and their trilinear weights."""
+    limit = jnp.array(shape) - 1
+    at = jnp.clip((point - origin) / spacing - 0.5, 0.0, limit.astype(point.dtype))
+    low = jnp.clip(jnp.floor(at).astype(jnp.int32), 0, jnp.maximum(limit - 1, 0))
+    share = at - low.astype(point.dtype)
+    steps = jnp.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    index = jnp.minimum(low[None, :] + steps, limit[None, :])
+    weight = jnp.prod(jnp.where(steps == 1, share[None, :], 1.0 - share[None, :]), 1)
+    return index, weight
+
+
+trilinear_many = jax.vmap(trilinear, (None, None, None, 0))

@@ -1,0 +1,159 @@
+"""Strands grown from the scalp through the field of directions."""
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy import ndimage
+
+from .evidence import Field
+from .grid import corners, trilinear
+from .hull import Hull
+
+
+@dataclasses.dataclass(frozen=True)
+class GrowConfig:
+    """How strands grow. Metres."""
+
+    step: float = 0.003
+    longest: float = 0.6
+    """No strand grows longer than this."""
+    clearance: float = 0.0015
+    """Strands keep so far from the skin."""
+    slide: float = 0.002
+    """Strands that leave the hull by more than this slide along it, or end."""
+    steepest: float = 0.6
+    """Cosine to the hull's normal from which leaving it is an end, no grazing."""
+    stiffness: float = 0.3
+    """Share of the last direction that a strand keeps where the field is sure."""
+
+
+class _State(NamedTuple):
+    point: Float[Array, "strands 3"]
+    heading: Float[Array, "strands 3"]
+    alive: Bool[Array, " strands"]
+
+
+def grow(
+    hull: Hull,
+    field: Field,
+    roots: Float[np.ndarray, "strands 3"],
+    normals: Float[np.ndarray, "strands 3"],
+    knots: int,
+    config: GrowConfig | None = None,
+) -> Float[np.ndarray, "strands knots 3"]:
+    """Return strands that start at the roots and follow the field to their tips.
+
+    The field has no sign: a strand goes on in the sense in which it came, first away
+    from the scalp. It slides along the hull where it leaves it at a low angle, and ends
+    where it leaves it steeply.
+
+    Args:
+        hull: Where hair can be.
+        field: Directions without sign.
+        roots: Where strands start, in metres.
+        normals: Unit normals of the scalp there.
+        knots: Points a strand, at equal distances along it.
+        config: How strands grow.
+
+    Returns:
+        The strands, root first, in metres.
+    """
+    config = config or GrowConfig()
+    spacing = hull.grid.spacing
+    # Smoothed, or the steps of the voxels would turn up as steps of the strands.
+    distance = ndimage.gaussian_filter(hull.distance, 0.7)
+    head = ndimage.gaussian_filter(hull.head, 0.7)
+    channels = [distance, *_unit_gradient(distance), head, *_unit_gradient(head)]
+    lines = np.concatenate([field.direction, field.anisotropy[..., None]], axis=-1)
+    path = _trace(
+        jnp.asarray(np.stack(channels, axis=-1), jnp.float32),
+        jnp.asarray(lines, jnp.float32),
+        jnp.asarray(hull.grid.origin, jnp.float32),
+        jnp.asarray(spacing, jnp.float32),
+        jnp.asarray(roots, jnp.float32),
+        jnp.asarray(normals, jnp.float32),
+        config,
+    )
+    points = np.concatenate([roots[None], np.asarray(path, np.float64)])
+    return resample_paths(points.transpose(1, 0, 2), knots)
+
+
+def resample_paths(
+    paths: Float[np.ndarray, "strands steps 3"], knots: int
+) -> Float[np.ndarray, "strands knots 3"]:
+    """Return polylines with equal distances; repeated points at their ends do no harm."""
+    lengths = np.linalg.norm(np.diff(paths, axis=1), axis=2)
+    along = np.concatenate([np.zeros((len(paths), 1)), np.cumsum(lengths, axis=1)], 1)
+    at = along[:, -1:] * np.linspace(0.0, 1.0, knots)
+    # One search for all strands: each has its own interval of a common line.
+    start = np.arange(len(paths))[:, None] * (along[:, -1].max() + 1.0)
+    flat = (along + start).ravel()
+    index = np.searchsorted(flat, (at + start).ravel(), side="right").reshape(at.shape)
+    low = index - np.arange(len(paths))[:, None] * paths.shape[1] - 1
+    low = np.clip(low, 0, paths.shape[1] - 2)
+    row = np.arange(len(paths))[:, None]
+    step = np.maximum(along[row, low + 1] - along[row, low], 1e-12)
+    share = np.clip((at - along[row, low]) / step, 0.0, 1.0)[..., None]
+    return paths[row, low] * (1 - share) + paths[row, low + 1] * share
+
+
+def _unit_gradient(values: Float[np.ndarray, "x y z"]) -> list[np.ndarray]:
+    slope = np.stack(np.gradient(values))
+    return list(slope / np.maximum(np.linalg.norm(slope, axis=0), 1e-9))
+
+
+@jax.jit(static_argnames="config")
+def _trace(
+    channels: Float[Array, "x y z 8"],
+    lines: Float[Array, "x y z 4"],
+    origin: Float[Array, " 3"],
+    spacing: Float[Array, ""],
+    roots: Float[Array, "strands 3"],
+    normals: Float[Array, "strands 3"],
+    config: GrowConfig,
+) -> Float[Array, "steps strands 3"]:
+    """Return the path of every strand; after its tip a strand repeats it."""
+
+    def heading(point, last):
+        index, weight = corners(lines.shape[:3], origin, spacing, point)
+        near = lines[index[:, 0], index[:, 1], index[:, 2]]
+        sign = jnp.where(near[:, :3] @ last < 0, -1.0, 1.0)
+        sure = weight * (near[:, 3] + 0.02)
+        mean = (sure * sign) @ near[:, :3]
+        keep = config.stiffness + 0.5 * (1.0 - jnp.sum(sure))
+        return unit(mean / jnp.maximum(jnp.sum(sure), 1e-6) + keep * last)
+
+    def one(point, last, alive):
+        ahead = heading(point, last)
+        goal = point + config.step * ahead
+        here = trilinear(channels, origin, spacing, goal)
+        goal = goal + jnp.maximum(config.clearance - here[4], 0.0) * here[5:8]
+        here = trilinear(channels, origin, spacing, goal)
+        leaves = here[0] > config.slide
+        ends = leaves & (ahead @ here[1:4] > config.steepest)
+        goal = goal - jnp.where(leaves, here[0] - config.slide, 0.0) * here[1:4]
+        move = goal - point
+        ends = ends | (move @ last < 0.3 * config.step)
+        alive = alive & ~ends
+        return _State(
+            jnp.where(alive, goal, point), jnp.where(alive, unit(move), last), alive
+        )
+
+    def advance(state, _):
+        state = jax.vmap(one)(*state)
+        return state, state.point
+
+    start = roots + config.clearance * normals
+    state = _State(start, normals, jnp.ones(len(roots), bool))
+    steps = int(config.longest / config.step)
+    _, path = jax.lax.scan(advance, state, None, length=steps)
+    return jnp.concatenate([start[None], path])
+
+
+def unit(vector: Float[Array, " 3"]) -> Float[Array, " 3"]:
+    """Return a vector's direction; the zero vector stays."""
+    return vector / jnp.sqrt(jnp.maximum(jnp.sum(vector**2), 1e-18))

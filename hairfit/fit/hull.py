@@ -1,0 +1,179 @@
+"""The visual hull of the hair: where every photograph allows hair to be."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import ndimage
+
+from ..capture.capture import View
+from ..capture.cranium import find_cranium
+from ..capture.distance import signed_distance
+from ..errors import InputError
+from ..render.raster import project_points
+from ..types import Mesh
+from .grid import Grid
+
+REACH = 0.6  # no hair farther than this from the cranium's centre, in metres
+COARSE = 0.012  # metres
+LEAST_VOXELS = 50  # smaller pieces are noise of the masks
+MOST_VOXELS = 600_000  # beyond this the grid is made coarser
+WITNESSES = 0.25  # share of the views that must see hair there, not the head before it
+MASK_MARGIN = 2  # pixels: loose hair at the border of a mask is often lost
+
+
+@dataclasses.dataclass(frozen=True)
+class Hull:
+    """Where hair can be.
+
+    Attributes:
+        grid: The voxels.
+        hair: Voxels outside the head that no photograph excludes.
+        distance: Signed distance to the border of `hair` in metres, negative inside.
+        head: Signed distance to the head in metres, negative inside the head; exact
+            near the hair, at least 2 cm elsewhere.
+    """
+
+    grid: Grid
+    hair: Bool[np.ndarray, "x y z"]
+    distance: Float[np.ndarray, "x y z"]
+    head: Float[np.ndarray, "x y z"]
+
+
+def carve(
+    views: Sequence[View],
+    depths: Sequence[Float[np.ndarray, "height width"]],
+    head: Mesh,
+    spacing: float,
+) -> Hull:
+    """Return the visual hull of the hair outside the head.
+
+    A voxel may hold hair if half of the views have it in the picture, each of them
+    shows hair there or has the head in front of it, and a quarter shows hair.
+
+    Args:
+        views: The photographs with their masks.
+        depths: Depth of the head in each photograph, in metres.
+        head: The head.
+        spacing: Edge of a voxel in metres; made larger where memory asks for it.
+
+    Raises:
+        InputError: If no place agrees with all masks.
+    """
+    cranium = find_cranium(head)
+    coarse = Grid.around(cranium.centre - REACH, cranium.centre + REACH, COARSE)
+    margin = 2 * COARSE * max(float(v.camera.K[0, 0]) for v in views)
+    allowed = _allowed(coarse, np.ones(coarse.shape, bool), views, depths, margin)
+    if not allowed.any():
+        raise InputError(
+            "no place in space lies inside all hair masks; check that `cameras.json` "
+            "and `masks/hair` belong to these photographs."
+        )
+    found = coarse.centres(allowed)
+    low, high = found.min(axis=0) - 2 * COARSE, found.max(axis=0) + 2 * COARSE
+    while True:
+        grid = Grid.around(low, high, spacing)
+        parent = coarse.voxel(grid.centres(np.ones(grid.shape, bool)))
+        parent = np.clip(parent, 0, np.array(coarse.shape) - 1)
+        near = allowed[tuple(parent.T)].reshape(grid.shape)
+        hair = _allowed(grid, near, views, depths, 0.0)
+        if hair.sum() <= MOST_VOXELS:
+            break
+        spacing *= 1.1 * float(np.cbrt(hair.sum() / MOST_VOXELS))
+    return _outside_head(grid, hair, head)
+
+
+def _allowed(
+    grid: Grid,
+    start: Bool[np.ndarray, "x y z"],
+    views: Sequence[View],
+    depths: Sequence[Float[np.ndarray, "height width"]],
+    margin: float,
+) -> Bool[np.ndarray, "x y z"]:
+    """Return the voxels of `start` that all views allow; `margin` is pixels × metres."""
+    index = np.flatnonzero(start.ravel())
+    points = grid.centres(start)
+    pictures, witnesses = np.zeros((2, len(index)), int)
+    for view, depth in zip(views, depths, strict=True):
+        pixel, z = project_points(points, view.camera)
+        grow = MASK_MARGIN + int(np.ceil(margin / max(float(np.median(z)), 0.05)))
+        hair = ndimage.maximum_filter(view.hair, size=2 * grow + 1)
+        x, y = np.floor(pixel[:, 0]).astype(int), np.floor(pixel[:, 1]).astype(int)
+        height, width = hair.shape
+        seen = (z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
+        hidden = z > depth[y, x]
+        keep = ~seen | hair[y, x] | hidden
+        pictures = (pictures + seen)[keep]
+        witnesses = (witnesses + (seen & hair[y, x] & ~hidden))[keep]
+        index, points = index[keep], points[keep]
+    index = index[
+        (pictures >= len(views) / 2) & (witnesses >= max(1, WITNESSES * len(views)))
+    ]
+    out = np.zeros(start.size, bool)
+    out[index] = True
+    return out.reshape(start.shape)
+
+
+def _outside_head(grid: Grid, hair: Bool[np.ndarray, "x y z"], head: Mesh) -> Hull:
+    """Take the head out of the hull and measure distances."""
+    near = ndimage.binary_dilation(hair, iterations=4)
+    skin = np.full(grid.shape, 0.02)
+    skin[near] = signed_distance(head, grid.centres(near))
+    hair = hair & (skin > -0.001)
+    parts, count = ndimage.label(hair)
+    sizes = np.bincount(parts.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    hair = np.isin(parts, np.flatnonzero(sizes >= LEAST_VOXELS))
+    if not hair.any():
+        raise InputError(
+            "the hair masks leave no room for hair outside the head; check that "
+            "`head.obj` stands where the cameras see the head."
+        )
+    half = grid.spacing / 2
+    outside = ndimage.distance_transform_edt(~hair) * grid.spacing - half
+    inside = ndimage.distance_transform_edt(hair) * grid.spacing - half
+    distance = np.where(hair, -inside, outside)
+    return Hull(grid, hair, distance, skin)
+
+
+def first_hit(
+    hull: Hull, view: View, *, step: int = 2
+) -> Float[np.ndarray, "rows columns"]:
+    """Return the depth at which each ray through hair enters the hull, in metres.
+
+    Args:
+        hull: The hull.
+        view: The photograph; rays go through its pixels of hair.
+        step: One ray for `step` by `step` pixels.
+
+    Returns:
+        Depths, one a block of pixels, infinite where there is no hair.
+    """
+    height, width = view.hair.shape
+    rows, columns = height // step, width // step
+    blocks = view.hair[: rows * step, : columns * step]
+    wanted = blocks.reshape(rows, step, columns, step).any(axis=(1, 3))
+    y, x = np.nonzero(wanted)
+    intrinsic = np.asarray(view.camera.K, np.float64)
+    cam = np.asarray(view.camera.cam_from_world, np.float64)
+    pixel = np.stack([(x + 0.5) * step, (y + 0.5) * step, np.ones(len(x))], axis=1)
+    rays = np.linalg.solve(intrinsic, pixel.T).T @ cam[:3, :3]
+    eye = -cam[:3, :3].T @ cam[:3, 3]
+    depths = project_points(hull.grid.centres(hull.hair), view.camera).depth
+    spacing = hull.grid.spacing
+    hit = np.full(len(rays), np.inf)
+    alive = np.arange(len(rays))
+    limit = np.array(hull.grid.shape) - 1
+    for depth in np.arange(
+        max(depths.min(), 0.01) - spacing, depths.max(), 0.7 * spacing
+    ):
+        voxel = hull.grid.voxel(eye + rays[alive] * depth)
+        inside = hull.grid.inside(voxel)
+        struck = inside & hull.hair[tuple(np.clip(voxel, 0, limit).T)]
+        hit[alive[struck]] = depth
+        alive = alive[~struck]
+    out = np.full((rows, columns), np.inf)
+    out[y, x] = hit
+    return out

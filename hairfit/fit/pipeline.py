@@ -1,0 +1,295 @@
+"""The way from a capture to a hair tree, stage by stage."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ..capture.capture import Capture, View
+from ..capture.distance import push_out
+from ..capture.orientation import OrientationMap, estimate_orientation
+from ..capture.scalp_wrap import SeenHead, wrap_scalp
+from ..errors import InputError
+from ..io.tree import load_tree, save_tree
+from ..model.ownership import find_owner
+from ..model.scalp import Scalp, sample_roots, scalp_normal, scalp_point
+from ..model.strand import sample_strands
+from ..model.tree import HairTree
+from ..types import Mesh, Strands
+from .checkpoint import Checkpoint
+from .cluster import lay_clusters
+from .cylinders import Members, fit_cylinders
+from .evidence import diffuse, gather
+from .grow import GrowConfig, grow
+from .hull import Hull, carve
+from .refine import RefineConfig, Samples, refine
+from .residuals import head_field, photo_maps
+
+Progress = Callable[[str, float], None]
+Depths = Sequence[Float[np.ndarray, "height width"]]
+
+# Strands shorter than this did not grow: their roots are bare. Metres.
+SHORTEST = 0.008
+FEWEST_GROWN = 50
+# A strand that leaves the tree inside the skin is laid this far above it. Metres.
+SKIN_GAP = 0.0005
+
+
+@dataclasses.dataclass(frozen=True)
+class FitConfig:
+    """How a fit is done."""
+
+    quality: Literal["draft", "normal", "high"] = "normal"
+    """How fine: the edge of a voxel, the number of clusters, the steps of refinement."""
+    seed: int = 0
+    """Of all that is random; the same seed gives the same bytes."""
+    strands: int = 16000
+    """Number of strands in the result; the tree gives as many as one wants."""
+
+
+class Preset(NamedTuple):
+    """What a quality means. Metres."""
+
+    spacing: float
+    guides: int
+    roots: int
+    leaves: int
+    knots: int
+    refine: RefineConfig
+
+
+PRESETS = {
+    "draft": Preset(0.005, 2500, 24, 120, 12, RefineConfig(1, 15, 1200, 16)),
+    "normal": Preset(0.003, 8000, 40, 400, 16, RefineConfig()),
+    "high": Preset(0.0025, 12000, 60, 800, 20, RefineConfig(4, 25, 5000, 32)),
+}
+STRAND_POINTS = 40
+
+
+class FitResult(NamedTuple):
+    """What a fit found.
+
+    Attributes:
+        tree: The hairstyle.
+        strands: Strands of the tree, outside the head.
+        figures: What `report.json` says of the fit.
+        maps: The orientation map of every photograph.
+    """
+
+    tree: HairTree
+    strands: Strands
+    figures: dict[str, Any]
+    maps: list[OrientationMap]
+
+
+def fit_capture(
+    capture: Capture,
+    config: FitConfig | None = None,
+    *,
+    checkpoint: Path | None = None,
+    progress: Progress = lambda stage, share: None,
+) -> FitResult:
+    """Return the hair tree that explains the photographs.
+
+    Args:
+        capture: Photographs with cameras and masks, and the head.
+        config: How to fit.
+        checkpoint: A folder for stages that are done; a later call takes them up.
+        progress: Called with what is being done and the share that is done.
+
+    Raises:
+        InputError: If there is no head, or the photographs leave no room for hair.
+    """
+    config = config or FitConfig()
+    preset = PRESETS[config.quality]
+    head = capture.head
+    if head is None:
+        raise InputError(
+            f"no `head.obj` in '{capture.folder}'; put the head's mesh there, in metres "
+            "and where the cameras see it."
+        )
+    store = Checkpoint(checkpoint)
+    progress("finding orientation", 0.0)
+    maps = _orientation(capture.views, store, progress)
+    progress("measuring the head", 0.25)
+    depths = _depths(capture.views, head, store)
+    progress("carving the hull", 0.32)
+    hull = carve(capture.views, depths, head, preset.spacing)
+    scalp = capture.scalp or _wrapped(capture.views, depths, head)
+    progress("growing strands", 0.4)
+    uv, grown = _grow(capture.views, depths, maps, hull, scalp, preset, config, store)
+    progress("fitting cylinders", 0.5)
+    tree, error = _tree(scalp, uv, grown, preset, config, store)
+    progress("refining the tree", 0.6)
+    samples = _samples(tree, preset, config)
+    tree = refine(
+        tree,
+        samples,
+        capture.views,
+        depths,
+        photo_maps(capture.views, maps, depths),
+        head_field(hull),
+        preset.refine,
+        progress=lambda share: progress("refining the tree", 0.6 + 0.35 * share),
+    )
+    progress("drawing strands", 0.96)
+    strands = derive_strands(tree, head, config.strands, STRAND_POINTS, config.seed)
+    parent = np.asarray(tree.parent)
+    figures = {
+        "voxels": int(hull.hair.sum()),
+        "voxel_mm": 1e3 * hull.grid.spacing,
+        "grown_strands": len(grown),
+        "root_clusters": int((parent < 0).sum()),
+        "leaf_clusters": int((parent >= 0).sum()),
+        "cylinder_error_mm": 1e3 * error,
+        "median_length_mm": 1e3 * _median_length(strands),
+    }
+    return FitResult(tree, strands, figures, maps)
+
+
+def derive_strands(
+    tree: HairTree, head: Mesh | None, count: int, points: int, seed: int
+) -> Strands:
+    """Return strands of a tree, laid onto the skin where they would run under it.
+
+    Args:
+        tree: The tree.
+        head: The head; None leaves the strands as they are.
+        count: Number of strands.
+        points: Number of points of each strand.
+        seed: Of the roots.
+    """
+    found = np.array(sample_strands(tree, count, points, jax.random.key(seed)))
+    if head is not None:
+        flat = push_out(head, found.reshape(-1, 3).astype(np.float64), SKIN_GAP)
+        found = flat.reshape(found.shape)
+    return Strands.from_array(found)
+
+
+def _orientation(
+    views: Sequence[View], store: Checkpoint, progress: Progress
+) -> list[OrientationMap]:
+    maps = []
+    for i, view in enumerate(views):
+        saved = store.load(f"orientation-{view.name}")
+        if saved is None:
+            found = estimate_orientation(view.image, view.hair)
+            saved = {
+                name: np.asarray(getattr(found, name), np.float32)
+                for name in ("angle", "confidence", "sigma")
+            }
+            store.save(f"orientation-{view.name}", saved)
+        maps.append(OrientationMap(**saved))
+        progress("finding orientation", 0.25 * (i + 1) / len(views))
+    return maps
+
+
+def _depths(views: Sequence[View], head: Mesh, store: Checkpoint) -> Depths:
+    from ..render.raster import mesh_depth
+
+    saved = store.load("depth")
+    if saved is None:
+        saved = {view.name: mesh_depth(head, view.camera) for view in views}
+        store.save("depth", saved)
+    return [saved[view.name] for view in views]
+
+
+def _wrapped(views: Sequence[View], depths: Depths, head: Mesh) -> Scalp:
+    seen = [SeenHead(view, depth) for view, depth in zip(views, depths, strict=True)]
+    return wrap_scalp(head, seen)
+
+
+class Grown(NamedTuple):
+    """Strands from the evidence: their roots in scalp space, and their points."""
+
+    uv: Float[np.ndarray, "strands 2"]
+    strands: Float[np.ndarray, "strands knots 3"]
+
+
+def _grow(
+    views: Sequence[View],
+    depths: Depths,
+    maps: Sequence[OrientationMap],
+    hull: Hull,
+    scalp: Scalp,
+    preset: Preset,
+    config: FitConfig,
+    store: Checkpoint,
+) -> Grown:
+    saved = store.load("grown")
+    if saved is None:
+        field = diffuse(hull, gather(hull, views, maps, depths))
+        uv = sample_roots(scalp, preset.guides, jax.random.key(config.seed))
+        roots = np.asarray(jax.vmap(scalp_point, (None, 0))(scalp, uv), np.float64)
+        normals = np.asarray(jax.vmap(scalp_normal, (None, 0))(scalp, uv), np.float64)
+        step = GrowConfig(step=max(0.003, 0.8 * preset.spacing))
+        strands = grow(hull, field, roots, normals, preset.knots, step)
+        length = np.linalg.norm(np.diff(strands, axis=1), axis=2).sum(axis=1)
+        some = length > SHORTEST
+        saved = {"uv": np.asarray(uv, np.float64)[some], "strands": strands[some]}
+        store.save("grown", saved)
+    if len(saved["uv"]) < FEWEST_GROWN:
+        raise InputError(
+            f"only {len(saved['uv'])} of {preset.guides} strands grew from the scalp; "
+            "check that `head.obj` stands where the cameras see the head, and that "
+            "`masks/hair` hold the hair on it."
+        )
+    return Grown(**saved)
+
+
+def _tree(
+    scalp: Scalp,
+    uv: Float[np.ndarray, "strands 2"],
+    strands: Float[np.ndarray, "strands knots 3"],
+    preset: Preset,
+    config: FitConfig,
+    store: Checkpoint,
+) -> tuple[HairTree, float]:
+    """Return the tree of the grown strands and its median distance from them."""
+    saved = store.load("cylinders")
+    if saved is not None:
+        return load_tree(store.path("tree.hairtree")), float(saved["error"])
+    layout = lay_clusters(
+        scalp,
+        uv,
+        strands,
+        roots=preset.roots,
+        leaves=preset.leaves,
+        seed=config.seed,
+    )
+    owner = layout.owner
+    held = np.flatnonzero(owner >= 0)
+    above = np.asarray(layout.tree.parent)[owner[held]]
+    members = Members(
+        jnp.asarray(np.concatenate([uv[held]] * 2), jnp.float32),
+        jnp.asarray(np.concatenate([owner[held], above]), jnp.int32),
+        jnp.asarray(np.concatenate([strands[held]] * 2), jnp.float32),
+        jnp.ones(2 * len(held), jnp.float32),
+    )
+    fitted = fit_cylinders(layout, members)
+    tree = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), fitted.tree)
+    if store.folder is not None:
+        save_tree(store.path("tree.hairtree"), tree)
+        store.save("cylinders", {"error": np.array(fitted.error)})
+    return tree, fitted.error
+
+
+def _samples(tree: HairTree, preset: Preset, config: FitConfig) -> Samples:
+    """Return the roots at which tree and photographs are compared."""
+    key = jax.random.fold_in(jax.random.key(config.seed), 1)
+    uv = np.asarray(sample_roots(tree.scalp, preset.refine.strands, key))
+    owner = np.asarray(find_owner(tree, uv))
+    held = owner >= 0
+    # A constant size, or every capture would be compiled anew.
+    index = np.resize(np.flatnonzero(held), len(uv))
+    return Samples(jnp.asarray(uv[index], jnp.float32), jnp.asarray(owner[index]))
+
+
+def _median_length(strands: Strands) -> float:
+    points = strands.points.reshape(strands.count, -1, 3)
+    return float(np.median(np.linalg.norm(np.diff(points, axis=1), axis=2).sum(1)))

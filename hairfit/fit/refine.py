@@ -1,0 +1,230 @@
+"""The tree against the photographs, coarse level first.
+
+A root cluster that moves takes its children along: each of their control points keeps
+its place in the frame of the parent's section [Kim02, section 4.6.1]. That lets one
+number move thousands of strands, also where no photograph looks.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float, Int
+
+from ..capture.capture import View
+from ..model.cylinder import GeneralizedCylinder, cylinder_frames
+from ..model.strand import grow
+from ..model.tree import HairTree
+from .residuals import (
+    HeadField,
+    PhotoMaps,
+    head_loss,
+    image_loss,
+    seen_segments,
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class RefineConfig:
+    """How the tree is refined. Metres, radians."""
+
+    rounds: int = 3
+    """How often visibility is found anew, on each level."""
+    steps: int = 20
+    """Steps of Adam a round."""
+    strands: int = 3000
+    points: int = 24
+    rate: float = 0.0004
+    """How far a control point moves in a step."""
+    rate_map: float = 0.01
+    """How far scale, twist and shear go in a step."""
+    sigma_move: float = 0.01
+    sigma_bend: float = 0.002
+    sigma_map: float = 0.2
+
+
+class Samples(NamedTuple):
+    """The strands that are compared: roots and their leaf clusters."""
+
+    uv: Float[Array, "strands 2"]
+    owner: Int[Array, " strands"]
+
+
+class Moves(NamedTuple):
+    """What is added to the clusters of one level."""
+
+    skeleton: Float[Array, "clusters knots 3"]
+    scale: Float[Array, "clusters knots 2"]
+    twist: Float[Array, "clusters knots"]
+    shear: Float[Array, "clusters knots"]
+
+
+class Problem(NamedTuple):
+    """All that a loss needs besides the moves."""
+
+    tree: HairTree
+    parent: Int[Array, " clusters"]
+    level: Int[Array, " clusters"]
+    samples: Samples
+    maps: PhotoMaps
+    head: HeadField
+
+
+def refine(
+    tree: HairTree,
+    samples: Samples,
+    views: Sequence[View],
+    depths: Sequence[Float[np.ndarray, "height width"]],
+    maps: PhotoMaps,
+    head: HeadField,
+    config: RefineConfig | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+) -> HairTree:
+    """Return the tree after gradient descent on the photographs' residuals.
+
+    Args:
+        tree: A tree of two levels.
+        samples: Strands to compare, each owned by a leaf.
+        views: The photographs.
+        depths: Depth of the head in them, in metres.
+        maps: What the photographs say.
+        head: Where the head is.
+        config: How far to go.
+        progress: Called with the share that is done.
+    """
+    config = config or RefineConfig()
+    parent = np.asarray(tree.parent)
+    problem = Problem(
+        tree,
+        jnp.asarray(np.maximum(parent, 0), jnp.int32),
+        jnp.asarray((parent >= 0).astype(np.int32)),
+        samples,
+        maps,
+        head,
+    )
+    done = 0
+    for level in (0, 1):
+        moves = _still(tree.cylinder)
+        problem = problem._replace(tree=tree)
+        for _ in range(config.rounds):
+            current = moved(problem, moves, level)
+            strands = np.asarray(_strands(tree, current, samples, config.points))
+            seen = jnp.asarray(seen_segments(strands, views, depths))
+            moves = _descend(problem, moves, seen, level, config)
+            done += 1
+            progress(done / (2 * config.rounds))
+        tree = eqx.tree_at(lambda t: t.cylinder, tree, moved(problem, moves, level))
+    return tree
+
+
+def _still(cylinder: GeneralizedCylinder) -> Moves:
+    return Moves(
+        jnp.zeros_like(cylinder.skeleton),
+        jnp.zeros_like(cylinder.scale),
+        jnp.zeros_like(cylinder.twist),
+        jnp.zeros_like(cylinder.shear),
+    )
+
+
+def _strands(tree, cylinder, samples: Samples, points: int):
+    whole = jnp.ones(len(samples.owner), samples.uv.dtype)
+    return grow(
+        tree.scalp, tree.contour, cylinder, samples.uv, samples.owner, whole, points
+    )
+
+
+def moved(problem: Problem, moves: Moves, level: int) -> GeneralizedCylinder:
+    """Return the clusters after the moves of one level, children carried along.
+
+    The moves of other levels' clusters are not looked at.
+    """
+    before = problem.tree.cylinder
+    mine = problem.level == level
+
+    def add(values, change):
+        shape = (-1,) + (1,) * (values.ndim - 1)
+        return values + jnp.where(mine.reshape(shape), change, 0.0)
+
+    # Roots stay: the first knot of a skeleton lies on the scalp.
+    skeleton = moves.skeleton.at[:, 0].set(0.0)
+    after = eqx.tree_at(
+        lambda c: (c.skeleton, c.scale, c.twist, c.shear),
+        before,
+        (
+            add(before.skeleton, skeleton),
+            add(before.scale, before.scale * moves.scale),
+            add(before.twist, moves.twist),
+            add(before.shear, moves.shear),
+        ),
+    )
+    if level > 0:
+        return after
+    carried = jax.vmap(carry)(
+        jax.tree.map(lambda leaf: leaf[problem.parent], before),
+        jax.tree.map(lambda leaf: leaf[problem.parent], after),
+        before.skeleton,
+    )
+    kept = jnp.where(mine[:, None, None], after.skeleton, carried)
+    return eqx.tree_at(lambda c: c.skeleton, after, kept)
+
+
+def carry(
+    before: GeneralizedCylinder,
+    after: GeneralizedCylinder,
+    skeleton: Float[Array, "knots 3"],
+) -> Float[Array, "knots 3"]:
+    """Return a child's skeleton after its parent has changed.
+
+    Knot `k` of the child keeps its coordinates in the frame at knot `k` of the parent.
+    """
+    old, new = cylinder_frames(before), cylinder_frames(after)
+    axes = jnp.stack([old.tangent, old.normal, old.binormal], axis=1)
+    turned = jnp.stack([new.tangent, new.normal, new.binormal], axis=1)
+    local = jnp.einsum("kij,kj->ki", axes, skeleton - before.skeleton)
+    twist = after.twist - before.twist
+    cos, sin = jnp.cos(twist), jnp.sin(twist)
+    normal = cos * local[:, 1] - sin * local[:, 2]
+    binormal = sin * local[:, 1] + cos * local[:, 2]
+    local = jnp.stack([local[:, 0], normal, binormal], axis=1)
+    return after.skeleton + jnp.einsum("ki,kij->kj", local, turned)
+
+
+@eqx.filter_jit
+def _descend(
+    problem: Problem, moves: Moves, seen, level: int, config: RefineConfig
+) -> Moves:
+    """Return the moves after some steps of Adam."""
+
+    def loss(moves):
+        cylinder = moved(problem, moves, level)
+        strands = _strands(problem.tree, cylinder, problem.samples, config.points)
+        bend = jnp.diff(moves.skeleton, n=2, axis=1) / config.sigma_bend
+        prior = jnp.mean((moves.skeleton / config.sigma_move) ** 2) + jnp.mean(bend**2)
+        for change in (moves.scale, moves.twist, moves.shear):
+            prior += jnp.mean((change / config.sigma_map) ** 2)
+            prior += jnp.mean((jnp.diff(change, axis=1) / config.sigma_map) ** 2)
+        found = image_loss(strands, seen, problem.maps)
+        return found + head_loss(strands, problem.head) + 0.1 * prior
+
+    optimizer = optax.chain(
+        optax.scale_by_adam(b1=0.8, b2=0.95),
+        optax.scale_by_learning_rate(1.0),
+    )
+    rates = Moves(config.rate, config.rate_map, config.rate_map, config.rate_map)
+
+    def step(state, _):
+        moves, memory = state
+        gradient = jax.grad(loss)(moves)
+        updates, memory = optimizer.update(gradient, memory)
+        moves = jax.tree.map(lambda m, u, r: m + r * u, moves, updates, rates)
+        return (moves, memory), None
+
+    (moves, _), _ = jax.lax.scan(
+        step, (moves, optimizer.init(moves)), None, length=config.steps
+    )
+    return moves

@@ -1,0 +1,196 @@
+"""What strands and photographs disagree about, as differentiable losses.
+
+Each is in units of its own standard deviation and a mean over what it counts.
+"""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy import ndimage
+
+from ..capture.capture import View
+from ..capture.orientation import OrientationMap
+from ..render.camera import Camera
+from ..render.raster import rasterise, visible_points
+from .grid import trilinear_many
+from .hull import Hull
+
+SIGMA_ANGLE = 0.15  # radians
+SIGMA_OUTSIDE = 0.001  # metres
+SIGMA_INSIDE_HEAD = 0.0005  # metres
+CLEARANCE = 0.001  # metres between skin and hair
+SEEN_DEPTH = 0.004  # metres into the hair that a photograph shows
+SHRINK = 2  # the maps are kept at one pixel for 2 by 2
+FARTHEST = 0.05  # metres beyond which a sample outside the mask pulls no more
+
+
+class PhotoMaps(eqx.Module):
+    """What all photographs say, stacked; smaller ones padded by zeros.
+
+    Attributes:
+        doubled: Confidence times cosine and sine of twice the angle of the hair.
+        outside: Distance to the hair's mask in pixels, 0 inside it.
+        head: Depth of the head in metres, infinite beside it.
+        K: Intrinsics of the shrunken pictures.
+        cam_from_world: Poses.
+        focal: Focal length of the pictures as they were, in pixels.
+    """
+
+    doubled: Float[Array, "views height width 2"]
+    outside: Float[Array, "views height width"]
+    head: Float[Array, "views height width"]
+    K: Float[Array, "views 3 3"]
+    cam_from_world: Float[Array, "views 4 4"]
+    focal: Float[Array, " views"]
+
+
+def photo_maps(
+    views: Sequence[View],
+    maps: Sequence[OrientationMap],
+    depths: Sequence[Float[np.ndarray, "height width"]],
+) -> PhotoMaps:
+    """Return the photographs' maps for the losses."""
+    height = max(v.camera.height for v in views) // SHRINK
+    width = max(v.camera.width for v in views) // SHRINK
+
+    def padded(values, fill=0.0):
+        small = values[::SHRINK, ::SHRINK][:height, :width]
+        rest = [(0, height - small.shape[0]), (0, width - small.shape[1])]
+        rest += [(0, 0)] * (small.ndim - 2)
+        return np.pad(small, rest, constant_values=fill).astype(np.float32)
+
+    doubled, outside = [], []
+    for view, found in zip(views, maps, strict=True):
+        angle = 2 * found.angle
+        pair = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        doubled.append(padded(pair * found.confidence[..., None]))
+        outside.append(padded(ndimage.distance_transform_edt(~view.hair)))
+    shrink = np.diag([1 / SHRINK, 1 / SHRINK, 1.0])
+    intrinsic = np.stack([shrink @ np.asarray(v.camera.K) for v in views])
+    poses = np.stack([np.asarray(v.camera.cam_from_world) for v in views])
+    return PhotoMaps(
+        jnp.asarray(np.stack(doubled)),
+        jnp.asarray(np.stack(outside)),
+        jnp.asarray(np.stack([padded(d, np.inf) for d in depths])),
+        jnp.asarray(intrinsic, jnp.float32),
+        jnp.asarray(poses, jnp.float32),
+        jnp.asarray(intrinsic[:, 0, 0] * SHRINK, jnp.float32),
+    )
+
+
+def seen_segments(
+    strands: Float[np.ndarray, "strands knots 3"],
+    views: Sequence[View],
+    depths: Sequence[Float[np.ndarray, "height width"]],
+) -> Bool[np.ndarray, "views strands segments"]:
+    """Return which segments' middles each photograph sees."""
+    middle = (0.5 * (strands[:, 1:] + strands[:, :-1])).reshape(-1, 3)
+    out = []
+    for view, head_depth in zip(views, depths, strict=True):
+        # Few strands stand for many: each hides a few pixels beside it as well.
+        front = rasterise(strands, view.camera, mesh_depth=head_depth, radius_px=3.0)
+        seen = visible_points(middle, view.camera, front.depth, head_depth, SEEN_DEPTH)
+        out.append(seen.reshape(len(strands), -1))
+    return np.stack(out)
+
+
+def image_loss(
+    strands: Float[Array, "strands knots 3"],
+    seen: Bool[Array, "views strands segments"],
+    maps: PhotoMaps,
+) -> Float[Array, ""]:
+    """Return how far strands are from the photographs' orientation and masks."""
+
+    def one(carry, view):
+        found, visible = view
+        angle, weight, beyond, open_sight = _compare(strands, visible, found)
+        total = jnp.stack(
+            [jnp.sum(angle), jnp.sum(weight), jnp.sum(beyond), jnp.sum(open_sight)]
+        )
+        return carry + total, None
+
+    totals, _ = jax.lax.scan(
+        jax.checkpoint(one), jnp.zeros(4, strands.dtype), (maps, seen)
+    )
+    return totals[0] / (totals[1] + 1e-3) + totals[2] / (totals[3] + 1.0)
+
+
+def _compare(strands, visible, found: PhotoMaps):
+    """Return angle and mask residuals of one view with their weights, per segment."""
+    height, width = found.outside.shape
+    camera = Camera(found.K, found.cam_from_world, width, height)
+    flat = strands.reshape(-1, 3)
+    pixel, depth = jax.vmap(camera.project)(flat)
+    pixel = pixel.reshape(*strands.shape[:2], 2)
+    depth = depth.reshape(strands.shape[:2])
+    along = pixel[:, 1:] - pixel[:, :-1]
+    middle = 0.5 * (pixel[:, 1:] + pixel[:, :-1])
+    index, inside = _pixel_index(middle, width, height)
+    doubled = found.doubled[index]
+    confidence = jnp.sqrt(jnp.sum(doubled**2, axis=-1))
+    square = jnp.sum(along**2, axis=-1) + 1e-6
+    cosine = (along[..., 0] ** 2 - along[..., 1] ** 2) / square
+    sine = 2 * along[..., 0] * along[..., 1] / square
+    agreement = cosine * doubled[..., 0] + sine * doubled[..., 1]
+    # A strand that points at the camera shows no direction.
+    weight = visible * inside * square / (square + 1.0)
+    off = jnp.sqrt(jnp.maximum(0.5 * (confidence - agreement) * confidence, 0.0) + 1e-6)
+    angle = weight * off / SIGMA_ANGLE
+    distance = _bilinear(found.outside, middle)
+    middle_depth = 0.5 * (depth[:, 1:] + depth[:, :-1])
+    in_front = (middle_depth > 0) & (middle_depth < found.head[index]) & inside
+    metres = jnp.minimum(distance * middle_depth / found.focal, FARTHEST)
+    beyond = jnp.where(in_front, jnp.maximum(metres - 1e-3, 0.0) / SIGMA_OUTSIDE, 0.0)
+    return angle, weight * confidence, beyond, in_front
+
+
+def _pixel_index(pixel, width: int, height: int):
+    """Return the row and column of each pixel position, and whether it is inside."""
+    size = jnp.array([width, height], pixel.dtype)
+    inside = jnp.all((pixel >= 0) & (pixel < size), axis=-1)
+    limit = jnp.array([width - 1, height - 1])
+    at = jnp.clip(jax.lax.stop_gradient(pixel).astype(jnp.int32), 0, limit)
+    return (at[..., 1], at[..., 0]), inside
+
+
+def _bilinear(image: Float[Array, "height width"], pixel: Float[Array, "*batch 2"]):
+    """Return an image between its pixels' centres, with gradients by the position."""
+    height, width = image.shape
+    at = jnp.clip(pixel - 0.5, 0.0, jnp.array([width - 1.001, height - 1.001]))
+    low = jnp.floor(jax.lax.stop_gradient(at)).astype(jnp.int32)
+    share = at - low.astype(at.dtype)
+    x, y = low[..., 0], low[..., 1]
+    upper = image[y, x] * (1 - share[..., 0]) + image[y, x + 1] * share[..., 0]
+    lower = image[y + 1, x] * (1 - share[..., 0]) + image[y + 1, x + 1] * share[..., 0]
+    return upper * (1 - share[..., 1]) + lower * share[..., 1]
+
+
+class HeadField(eqx.Module):
+    """Signed distance to the head on a grid, in metres, negative inside."""
+
+    distance: Float[Array, "x y z 1"]
+    origin: Float[Array, " 3"]
+    spacing: Float[Array, ""]
+
+
+def head_field(hull: Hull) -> HeadField:
+    """Return the head's distance field of a hull."""
+    return HeadField(
+        jnp.asarray(hull.head[..., None], jnp.float32),
+        jnp.asarray(hull.grid.origin, jnp.float32),
+        jnp.asarray(hull.grid.spacing, jnp.float32),
+    )
+
+
+def head_loss(
+    strands: Float[Array, "strands knots 3"], field: HeadField
+) -> Float[Array, ""]:
+    """Return how deep strands run in the skin; their roots are free."""
+    points = strands[:, 1:].reshape(-1, 3)
+    distance = trilinear_many(field.distance, field.origin, field.spacing, points)
+    deep = jnp.maximum(CLEARANCE - distance, 0.0) / SIGMA_INSIDE_HEAD
+    return jnp.mean(deep**2 / (1.0 + deep))

@@ -1,0 +1,1 @@
+"""What a fit leaves behind: result folders and the report that shows them."""

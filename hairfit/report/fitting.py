@@ -1,0 +1,92 @@
+"""A fit from capture to result folder: progress, checkpoint, files."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..capture.capture import Capture
+from ..capture.scalp_file import save_scalp
+from ..fit import FitConfig, FitResult, fit_capture
+from ..io.strands import save_strands
+from ..io.tree import save_tree
+from .progress import say, shown_progress
+from .result import (
+    FORMAT,
+    close_checkpoint,
+    open_checkpoint,
+    whole_folder,
+    write_report,
+)
+from .show import show_result
+
+# Share of the time that the fit itself takes; the rest are pictures.
+FIT_SHARE = 0.92
+
+
+def fit_to_folder(
+    capture: Capture, config: FitConfig, out: Path, *, quiet: bool = False
+) -> dict[str, Any]:
+    """Fit a capture, write the result folder, and return what `report.json` says.
+
+    Stages that are done are kept beside `out`, and taken up by the next call, until
+    the result is written.
+    """
+    checkpoint = open_checkpoint(out, capture, config)
+    if checkpoint.resuming:
+        say(f"resuming the fit that '{checkpoint.folder}' holds.", quiet=quiet)
+    done = False
+    try:
+        with shown_progress(quiet=quiet) as progress:
+            fitted = fit_capture(
+                capture,
+                config,
+                checkpoint=checkpoint.folder,
+                progress=lambda stage, share: progress(stage, share * FIT_SHARE),
+            )
+            progress("drawing the report", FIT_SHARE)
+            with whole_folder(out) as folder:
+                report = write_result(folder, out, capture, fitted, config)
+            progress("done", 1.0)
+        done = True
+    finally:
+        close_checkpoint(checkpoint, keep=not done)
+    return report
+
+
+def write_result(
+    folder: Path, out: Path, capture: Capture, fitted: FitResult, config: FitConfig
+) -> dict[str, Any]:
+    """Write all files of a result, and return what `report.json` says.
+
+    Args:
+        folder: Where to write.
+        out: Where the folder will be moved; links to the capture start there.
+        capture: What was fitted.
+        fitted: What came out.
+        config: The settings.
+    """
+    save_tree(folder / "tree.hairtree", fitted.tree)
+    save_strands(folder / "strands.hair", fitted.strands)
+    save_scalp(folder / "scalp.json", fitted.tree.scalp)
+    photographs = show_result(folder, capture, fitted)
+    strand_counts = np.diff(np.asarray(fitted.strands.offsets))
+    report = {
+        "format": FORMAT,
+        "version": 1,
+        "capture": os.path.relpath(capture.folder.resolve(), out.resolve()),
+        "views": [view.name for view in capture.views],
+        "settings": {
+            "quality": config.quality,
+            "seed": config.seed,
+            "strands": config.strands,
+        },
+        "clusters": len(fitted.tree.parent),
+        "strands": fitted.strands.count,
+        "points": int(strand_counts.sum()),
+        "figures": fitted.figures,
+        "photographs": photographs,
+    }
+    write_report(folder, report)
+    return report

@@ -1,0 +1,70 @@
+"""What a result looks like: its previews and its report."""
+
+from pathlib import Path
+from typing import Any
+
+from ..capture.capture import Capture
+from ..capture.photos import encode_picture
+from ..evaluate.photographs import PhotographErrors, compare_with_photograph
+from ..evaluate.visibility import even_strands, look
+from ..fit import FitResult
+from ..render.raster import rasterise
+from .drawing import preview, turntable
+from .html import ViewPage, report_html
+from .pictures import (
+    hair_window,
+    orientation_picture,
+    overlay_picture,
+    photo_picture,
+)
+
+TURNS = 16
+TURNTABLE_SIZE = (360, 450)
+
+
+def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, Any]:
+    """Write `preview/` and `report.html`, and return the figures of each photograph."""
+    points = even_strands(fitted.strands)
+    previews = folder / "preview"
+    previews.mkdir()
+    pages, photographs = [], {}
+    for sight, found in zip(
+        look(capture.head, capture.views), fitted.maps, strict=True
+    ):
+        view = sight.view
+        drawn = rasterise(points, view.camera, mesh_depth=sight.behind)
+        errors = compare_with_photograph(points, sight)
+        photographs[view.name] = {
+            "mean_angle_deg": errors.mean_angle_deg,
+            "median_angle_deg": errors.median_angle_deg,
+            "hair_iou": errors.iou,
+        }
+        window = hair_window(view.hair)
+        pages.append(
+            ViewPage(
+                view.name,
+                photo_picture(view)[window],
+                orientation_picture(found, view.hair)[window],
+                overlay_picture(view, drawn)[window],
+                in_words(errors),
+            )
+        )
+        picture = preview(points, capture.head, view.camera)
+        (previews / f"{view.name}.png").write_bytes(encode_picture(picture, ".png"))
+    frames = turntable(points, capture.head, TURNS, TURNTABLE_SIZE)
+    for k, frame in enumerate(frames):
+        name = f"turntable-{k:02}.png"
+        (previews / name).write_bytes(encode_picture(frame, ".png"))
+    title = f"{capture.folder.resolve().name}, recovered from {len(pages)} photographs"
+    text = report_html(title, pages, fitted.figures, frames)
+    (folder / "report.html").write_text(text, encoding="utf-8")
+    return photographs
+
+
+def in_words(errors: PhotographErrors) -> dict[str, str]:
+    """Return the figures of one photograph as the report shows them."""
+    angle = errors.median_angle_deg
+    return {
+        "median angle error": "unknown" if angle is None else f"{angle:.1f}°",
+        "overlap with the mask": f"{100 * errors.iou:.1f} %",
+    }

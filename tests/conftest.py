@@ -1,0 +1,24 @@
+"""What every test runs under: float64 and strict JAX; and a scalp to grow hair on."""
+
+import os
+import pathlib
+
+CACHE = pathlib.Path(__file__).parent.parent / ".jax_cache"
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(CACHE))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+
+import jax  # noqa: E402  (reads the environment when imported)
+import pytest  # noqa: E402
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+
+@pytest.fixture(scope="session")
+def captures() -> pathlib.Path:
+    """The folder of reference captures beside the checkout, or a skip."""
+    folder = pathlib.Path(__file__).parents[2] / "shared" / "captures"
+    if not folder.is_dir():
+        pytest.skip("the reference captures are not at ../shared/captures")
+    return folder

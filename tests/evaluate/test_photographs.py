@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+from known_hair import front_camera
+
+from hairfit.capture.capture import View
+from hairfit.evaluate.photographs import (
+    compare_with_photograph,
+    line_angle,
+    overlap,
+    weigh,
+)
+from hairfit.evaluate.visibility import Sight
+
+
+def striped(angle_deg, size=96):
+    """Return a picture of fine lines at an angle, and a mask of its middle."""
+    y, x = np.mgrid[:size, :size] + 0.5
+    angle = np.radians(angle_deg)
+    across = -np.sin(angle) * x + np.cos(angle) * y
+    grey = 0.4 + 0.2 * np.sin(2 * np.pi * across / 6.0)
+    hair = np.zeros((size, size), bool)
+    hair[16:80, 16:80] = True
+    image = np.repeat(grey[..., None], 3, axis=2).astype(np.float32)
+    return View("one", front_camera(size, size), image, hair)
+
+
+def lines(angle_deg, count=200, size=0.08):
+    """Return strands in the plane z = 0 at an angle in the picture, y being up."""
+    angle = np.radians(angle_deg)
+    along = np.array([np.cos(angle), -np.sin(angle), 0.0])
+    across = np.array([np.sin(angle), np.cos(angle), 0.0])
+    shift = np.linspace(-size, size, count)[:, None, None] * across
+    return shift + np.linspace(-size, size, 5)[None, :, None] * along
+
+
+@pytest.mark.parametrize("turn", [0.0, 20.0, 80.0])
+def test_the_angle_of_drawn_hair_is_measured(turn):
+    errors = compare_with_photograph(lines(30.0 + turn), Sight(striped(30.0), None))
+    assert errors.median_angle_deg == pytest.approx(turn, abs=4.0)
+    assert errors.mean_angle_deg == pytest.approx(turn, abs=4.0)
+
+
+def test_hair_that_fills_the_picture_overlaps_by_the_mask_s_share():
+    hair = lines(30.0, count=600, size=0.2)
+    errors = compare_with_photograph(hair, Sight(striped(30.0), None))
+    assert errors.iou == pytest.approx(64**2 / 96**2, abs=0.01)
+
+
+def test_hair_elsewhere_has_no_angle_and_no_overlap():
+    errors = compare_with_photograph(lines(30.0) + 9.0, Sight(striped(30.0), None))
+    assert errors.mean_angle_deg is None and errors.median_angle_deg is None
+    assert errors.iou == 0.0
+
+
+def test_lines_have_no_sign():
+    first = np.array([0.0, 0.1, 3.1, 1.0])
+    second = np.array([0.0, 3.1, 0.1, 1.0 + np.pi / 2])
+    apart = np.pi - 3.0
+    expected = [0.0, apart, apart, np.pi / 2]
+    assert np.allclose(line_angle(first, second), expected)
+
+
+def test_means_and_medians_are_weighted():
+    errors = weigh(np.array([3.0, 1.0, 2.0]), np.array([1.0, 1.0, 6.0]))
+    assert errors.mean == pytest.approx(2.0) and errors.median == 2.0
+
+
+def test_overlap_counts_common_over_either():
+    left, right = np.zeros((4, 4), bool), np.zeros((4, 4), bool)
+    assert overlap(left, right) == 1.0
+    left[:, :3], right[:, 1:] = True, True
+    assert overlap(left, right) == 0.5

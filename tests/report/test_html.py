@@ -1,0 +1,34 @@
+import re
+
+import numpy as np
+
+from hairfit.report.html import ViewPage, flat, report_html
+
+
+def page(name, size=(40, 30), seed=0):
+    picture = np.random.default_rng(seed).integers(0, 255, (*size, 3), np.uint8)
+    return ViewPage(name, picture, picture, picture, {"angle error": "7.1 degrees"})
+
+
+def test_a_report_shows_every_view_and_needs_no_network():
+    frames = [page("frame").photo] * 3
+    text = report_html("anna & co", [page("00"), page("01")], {"F": 0.5}, frames)
+    assert text.count("<section class='view'>") == 2
+    assert text.count("data:image/jpeg;base64,") == 2 * 3 + 3
+    assert "anna &amp; co" in text and "angle error 7.1 degrees" in text
+    assert not re.search(r"https?:|src='(?!data:)|href=", text)
+
+
+def test_a_report_without_a_turntable_has_no_slider():
+    assert "type='range'" not in report_html("anna", [page("00")], {}, [])
+
+
+def test_a_large_report_is_reduced_to_six_megabytes():
+    pages = [page(str(k), (480, 480), k) for k in range(12)]
+    assert len(report_html("anna", pages, {}, [])) < 6_000_000
+
+
+def test_nested_figures_become_one_level():
+    figures = {"all": {"f_2mm": 0.12345678, "views": ["a", 1.5]}, "n": 3, "x": None}
+    expected = {"all / f 2mm": "0.1235", "all / views": "a, 1.5"}
+    assert flat(figures) == expected | {"n": "3", "x": "unknown"}

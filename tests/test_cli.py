@@ -1,0 +1,290 @@
+import dataclasses
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tiny_capture import HEIGHT, NAMES, WIDTH, write_tiny_capture
+
+from hairfit import fit
+from hairfit.capture.orientation import OrientationMap
+from hairfit.capture.photos import read_photo
+from hairfit.cli import main
+from hairfit.io.strands import load_strands, save_strands
+from hairfit.model.cylinder import GeneralizedCylinder
+from hairfit.model.scalp import Scalp
+from hairfit.model.tree import HairTree, ScalpContour
+from hairfit.types import Strands
+
+
+@pytest.fixture
+def capture(tmp_path):
+    return write_tiny_capture(tmp_path / "tiny")
+
+
+def ball_scalp():
+    """A scalp on the upper part of a ball of 10 cm."""
+    side = np.linspace(-0.06, 0.06, 13)
+    x, z = np.meshgrid(side, side, indexing="ij")
+    control = np.stack([x, np.sqrt(0.01 - x**2 - z**2), z], axis=-1)
+    return Scalp(jnp.asarray(control))
+
+
+def one_cluster():
+    """A tree of one cluster that falls to the side and covers most of the scalp."""
+    t = np.linspace(0.0, 1.0, 6)
+    skeleton = np.stack([0.1 * t, 0.1 + 0.03 * t - 0.1 * t**2, 0 * t], axis=1)
+    contour = jax.vmap(ScalpContour)(
+        jnp.array([[0.5, 0.5]]), jnp.array([0.4]), jnp.zeros((1, 32))
+    )
+    cylinder = jax.vmap(GeneralizedCylinder)(
+        jnp.asarray(skeleton[None]),
+        jnp.array([[0.0, 0.0, 1.0]]),
+        jnp.full((1, 6), 0.03),
+        jnp.zeros((1, 6, 32)),
+        jnp.ones((1, 6, 2)),
+        jnp.zeros((1, 6)),
+        jnp.zeros((1, 6)),
+    )
+    return HairTree(ball_scalp(), contour, cylinder, jnp.zeros(1), (-1,))
+
+
+def hair(count=40, knots=8):
+    """Strands that fall from the top of the ball in front of it."""
+    x = np.linspace(-0.05, 0.05, count)[:, None]
+    t = np.linspace(0.0, 1.0, knots)[None]
+    points = np.stack([x + 0 * t, 0.11 - 0.12 * t + 0 * x, 0.105 + 0 * x + 0 * t], -1)
+    return Strands.from_array(points)
+
+
+class FakeFit:
+    """Stands for `fit_capture`: answers at once, and can be stopped half way."""
+
+    def __init__(self):
+        self.stop = None
+        self.resumed = False
+
+    def __call__(self, capture, config, *, checkpoint, progress):
+        stage = checkpoint / "stage.txt"
+        self.resumed = stage.exists()
+        progress("looking", 0.0)
+        stage.write_text("done")
+        progress("growing", 0.5)
+        if self.stop is not None:
+            raise self.stop
+        shape = (HEIGHT, WIDTH)
+        found = OrientationMap(
+            np.full(shape, np.pi / 2), np.ones(shape), np.full(shape, 0.1)
+        )
+        return fit.FitResult(
+            tree=one_cluster(),
+            strands=hair(),
+            figures={"loss": 0.125},
+            maps=[found for _ in capture.views],
+        )
+
+
+@pytest.fixture
+def fake(monkeypatch):
+    fake = FakeFit()
+    monkeypatch.setattr("hairfit.report.fitting.fit_capture", fake)
+    monkeypatch.setattr("hairfit.report.show.TURNS", 2)
+    monkeypatch.setattr("hairfit.report.show.TURNTABLE_SIZE", (24, 30))
+    return fake
+
+
+def run(*words):
+    return main([str(word) for word in words])
+
+
+def test_a_fit_writes_the_whole_result(fake, capture, tmp_path, capsys):
+    out = tmp_path / "result"
+    assert run("fit", capture, "--out", out, "--seed", 3, "--json") == 0
+    printed = capsys.readouterr()
+    line = json.loads(printed.out)
+    assert line["result"] == str(out) and line["seconds"] >= 0
+    assert line["figures"] == {"loss": 0.125} and line["views"] == list(NAMES)
+    report = json.loads((out / "report.json").read_text())
+    assert report["capture"] == "../tiny"
+    assert report["settings"] == {"quality": "normal", "seed": 3, "strands": 16000}
+    assert set(report["photographs"]) == set(NAMES)
+    found = {path.name for path in out.iterdir()}
+    assert found == {
+        "tree.hairtree",
+        "strands.hair",
+        "report.json",
+        "report.html",
+        "scalp.json",
+        "preview",
+    }
+    assert {f"{name}.png" for name in NAMES} <= {
+        path.name for path in (out / "preview").iterdir()
+    }
+    assert (out / "report.html").stat().st_size < 6_000_000
+    assert load_strands(out).count == 40
+    assert "growing" in printed.err
+    assert not (tmp_path / "result.partial").exists()
+    again = tmp_path / "again"
+    assert run("fit", capture, "--out", again, "--seed", 3, "--quiet") == 0
+    assert (again / "report.json").read_bytes() == (out / "report.json").read_bytes()
+    assert (again / "report.html").read_bytes() == (out / "report.html").read_bytes()
+
+
+def test_ctrl_c_leaves_no_half_result_and_the_fit_resumes(
+    fake, capture, tmp_path, capsys
+):
+    out = tmp_path / "result"
+    fake.stop = KeyboardInterrupt()
+    assert run("fit", capture, "--out", out, "--quiet") == 130
+    assert capsys.readouterr().err == (
+        "hairfit: stopped; the same command goes on from here.\n"
+    )
+    assert not out.exists()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["result.partial", "tiny"]
+    fake.stop = None
+    assert run("fit", capture, "--out", out) == 0
+    printed = capsys.readouterr()
+    assert "hairfit: resuming the fit that '" in printed.err
+    assert "open '" in printed.out
+    assert fake.resumed and (out / "report.html").exists()
+    assert not (tmp_path / "result.partial").exists()
+
+
+def test_an_earlier_result_stays_until_the_new_one_is_done(fake, capture, tmp_path):
+    out = tmp_path / "result"
+    assert run("fit", capture, "--out", out, "--quiet") == 0
+    before = (out / "report.json").read_bytes()
+    fake.stop = RuntimeError("a slip of the program")
+    with pytest.raises(RuntimeError, match="a slip of the program"):
+        run("fit", capture, "--out", out, "--quiet", "--seed", 1)
+    assert (out / "report.json").read_bytes() == before
+    fake.stop = None
+    assert run("fit", capture, "--out", out, "--quiet", "--seed", 1) == 0
+    assert json.loads((out / "report.json").read_text())["settings"]["seed"] == 1
+
+
+def test_a_picture_without_a_camera_is_told(fake, capture, tmp_path, capsys):
+    (capture / "images/extra.png").write_bytes((capture / "images/00.png").read_bytes())
+    assert run("fit", capture, "--out", tmp_path / "result") == 0
+    assert "extra.png' has no camera in 'cameras.json'" in capsys.readouterr().err
+
+
+def test_strands_are_grown_from_a_tree(fake, capture, tmp_path, capsys):
+    out = tmp_path / "result"
+    assert run("fit", capture, "--out", out, "--quiet") == 0
+    for name in ("a.hair", "b.npz"):
+        target = tmp_path / name
+        words = ("--count", 50, "--points", 9)
+        assert run("strands", out / "tree.hairtree", target, *words) == 0
+        strands = load_strands(target)
+        assert strands.count == 50 and len(strands.points) == 450
+    assert "wrote 50 strands to '" in capsys.readouterr().out
+
+
+def test_info_describes_each_kind(fake, capture, tmp_path, capsys):
+    out = tmp_path / "result"
+    assert run("fit", capture, "--out", out, "--quiet") == 0
+    capsys.readouterr()
+    facts = {}
+    for path in (capture, out, out / "tree.hairtree", out / "strands.hair"):
+        assert run("info", path, "--json") == 0
+        fact = json.loads(capsys.readouterr().out)
+        facts[fact["kind"]] = fact
+    assert facts["capture"]["views"] == list(NAMES)
+    assert facts["capture"]["masks"] == {"hair": 3, "body": 3}
+    assert facts["result"]["hair"]["strands"] == 40
+    assert facts["tree"]["clusters_per_level"] == [1]
+    assert np.isclose(facts["strands"]["mean_length_m"], 0.12, atol=1e-5)
+    assert run("info", out) == 0
+    assert "figures / loss" in capsys.readouterr().out
+
+
+def test_hair_is_drawn_as_a_photograph_saw_it_and_from_the_side(
+    fake, capture, tmp_path
+):
+    out = tmp_path / "result"
+    assert run("fit", capture, "--out", out, "--quiet") == 0
+    seen = tmp_path / "new/seen.png"
+    assert run("render", out, "--out", seen, "--view", "01.png") == 0
+    assert read_photo(seen).shape == (HEIGHT, WIDTH, 3)
+    side = tmp_path / "side.png"
+    words = ("--azimuth", 90, "--elevation", 20, "--size", 30, 40)
+    assert run("render", out / "strands.hair", "--out", side, *words) == 0
+    picture = read_photo(side)
+    assert picture.shape == (40, 30, 3) and picture.std() > 0.01
+
+
+def test_what_cannot_be_drawn_is_refused(capture, tmp_path, capsys):
+    save_strands(tmp_path / "mine.hair", hair())
+    out = ("--out", tmp_path / "a.png")
+    assert run("render", tmp_path / "mine.hair", *out, "--view", "00") == 2
+    assert "--view 00 needs the capture" in capsys.readouterr().err
+    words = ("--capture", capture, "--view", "9x")
+    assert run("render", tmp_path / "mine.hair", *out, *words) == 2
+    assert "no view '9x'; the capture has 00, 01, 02." in capsys.readouterr().err
+    assert run("render", tmp_path / "mine.hair", "--out", tmp_path / "a.jpg") == 2
+    assert "a.jpg' must end with .png; rename it." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["info", "evaluate", "render", "strands"])
+def test_a_path_where_nothing_is_is_refused(command, tmp_path, capsys):
+    rest = {
+        "info": (),
+        "evaluate": (tmp_path,),
+        "render": ("--out", tmp_path / "a.png"),
+        "strands": (tmp_path / "a.hair",),
+    }
+    gone = "gone.hairtree" if command == "strands" else "gone.hair"
+    assert run(command, tmp_path / gone, *rest[command]) == 2
+    line = capsys.readouterr().err
+    assert "there is no '" in line and line.count("\n") == 1
+
+
+def test_the_truth_against_itself_is_perfect(capture, tmp_path, capsys):
+    save_strands(capture / "truth.npz", hair())
+    save_strands(tmp_path / "mine.hair", hair())
+    assert run("evaluate", tmp_path / "mine.hair", capture, "--json", "--quiet") == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["all"]["2mm_20deg"]["signed"]["f"] == 1.0
+    assert figures["visible"] is not None and set(figures["photographs"]) == set(NAMES)
+    assert run("evaluate", tmp_path / "mine.hair", tmp_path / "mine.hair") == 0
+    printed = capsys.readouterr()
+    assert "no capture is known" in printed.err and "--capture" in printed.err
+    assert "100.0 %" in printed.out.splitlines()[1]
+
+
+def test_a_capture_without_truth_is_refused(capture, tmp_path, capsys):
+    save_strands(tmp_path / "mine.hair", hair())
+    assert run("evaluate", tmp_path / "mine.hair", capture) == 2
+    assert "no 'truth.npz' in '" in capsys.readouterr().err
+
+
+def test_an_unknown_style_is_refused(tmp_path, capsys):
+    assert run("synth", "mohawk", "--out", tmp_path / "new") == 2
+    line = capsys.readouterr().err
+    assert "no style 'mohawk'; choose one of straight, " in line
+    assert not (tmp_path / "new").exists()
+
+
+def test_synth_does_not_overwrite(capture, capsys):
+    assert run("synth", "straight", "--out", capture) == 2
+    assert (
+        "is not empty; name a folder that does not exist yet" in capsys.readouterr().err
+    )
+
+
+def test_help_names_every_command(capsys):
+    with pytest.raises(SystemExit) as stop:
+        run("--help")
+    assert stop.value.code == 0
+    printed = capsys.readouterr().out
+    for command in ("fit", "synth", "evaluate", "render", "strands", "info"):
+        assert command in printed
+
+
+def test_commands_are_frozen():
+    from hairfit import cli
+
+    for command in (cli.Fit, cli.Synth, cli.Evaluate, cli.Render, cli.Info):
+        assert dataclasses.fields(command) and command.__doc__
