@@ -2,7 +2,7 @@
 
 
 class InputError(ValueError):
-    """What the user gave cannot be used; the message is one sentence that says what to do.
+    """What the user gave cannot be used; one sentence says what to do.
 
     The command line prints it as one line and exits with status 2.
     """

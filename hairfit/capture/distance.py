@@ -1,4 +1,4 @@
-"""Signed distance to a head: positive outside, negative inside, also for open meshes."""
+"""Signed distance to a head: negative inside it, also for open meshes."""
 
 import numpy as np
 from jaxtyping import Float
@@ -51,7 +51,7 @@ def push_out(
             sign_type=igl.SIGNED_DISTANCE_TYPE_FAST_WINDING_NUMBER,
         )
         inside = np.atleast_1d(distance) < 0
-        near, closest = near[inside], closest[inside]
+        near, closest = near[inside], np.asarray(closest)[inside]
         if not len(near):
             break
         outward = closest - out[near]

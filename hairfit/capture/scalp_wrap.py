@@ -116,7 +116,7 @@ def _votes(
     points: Float[np.ndarray, "points 3"],
     outward: Float[np.ndarray, "points 3"],
 ) -> Float[np.ndarray, " points"]:
-    """Return +1 where the view sees hair at a point of the skin, -1 where it sees skin."""
+    """Return +1 where the view sees hair at a point of the skin, -1 where skin."""
     view = seen.view
     pixel, depth = project_points(points, view.camera)
     x, y = np.floor(pixel[:, 0]).astype(int), np.floor(pixel[:, 1]).astype(int)

@@ -27,7 +27,7 @@ class Checkpoint:
             atomic_path(self.path(f"{stage}.npz")) as temporary,
             temporary.open("wb") as f,
         ):
-            np.savez(f, **arrays)
+            np.savez(f, allow_pickle=False, **arrays)
 
     def load(self, stage: str) -> dict[str, np.ndarray] | None:
         """Return what a stage found, or None if it is not done."""

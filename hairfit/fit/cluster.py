@@ -12,7 +12,7 @@ from scipy.cluster.vq import kmeans2
 from ..model.contour import ANGLES
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp, scalp_tangents
-from ..model.tree import HairTree, ScalpContour, plant
+from ..model.tree import HairTree, ScalpContour, plant, take
 
 # Roots count more than other points of a strand: a cluster must be one piece of scalp.
 ROOT_WEIGHT = 3.0
@@ -103,7 +103,17 @@ def lay_clusters(
     tangents = jax.vmap(scalp_tangents, (None, 0))(scalp, contour.centre)
     area = np.cross(np.asarray(tangents.u), np.asarray(tangents.v))
     metric = np.sqrt(np.linalg.norm(area, axis=1))
-    return Layout(tree, metric, np.asarray(find_owner(tree, uv)))
+    return _without_empty(Layout(tree, metric, np.asarray(find_owner(tree, uv))), uv)
+
+
+def _without_empty(layout: Layout, uv: Float[np.ndarray, "strands 2"]) -> Layout:
+    """Drop the clusters that own no strand, nor have a child that does."""
+    parent = np.asarray(layout.tree.parent)
+    keep = np.bincount(layout.owner[layout.owner >= 0], minlength=len(parent)) > 0
+    above = parent[keep]
+    keep[above[above >= 0]] = True
+    tree = take(layout.tree, keep)
+    return Layout(tree, layout.metric[keep], np.asarray(find_owner(tree, uv)))
 
 
 def _kmeans(
@@ -135,7 +145,7 @@ def _directions() -> Float[np.ndarray, "32 2"]:
 def _voronoi(
     centre: Float[np.ndarray, "clusters 2"],
 ) -> Float[np.ndarray, "clusters 32"]:
-    """Return how far each Voronoi cell reaches in 32 directions, at most to the border."""
+    """Return how far each cell reaches in 32 directions, at most to the border."""
     directions = _directions()
     away = centre[None] - centre[:, None]
     along = np.einsum("ijk,ak->ija", away, directions)
@@ -150,7 +160,7 @@ def _voronoi(
 def _star(
     members: Float[np.ndarray, "strands 2"], least: float
 ) -> Float[np.ndarray, " 32"]:
-    """Return the star-shaped border around roots, from their centre in 32 directions."""
+    """Return the star-shaped border around roots, in 32 directions from 0."""
     distance = np.linalg.norm(members, axis=1)
     across = members @ _directions().T
     angle = np.arccos(np.clip(across / np.maximum(distance, 1e-12)[:, None], -1, 1))

@@ -96,11 +96,13 @@ def _with(cylinder: GeneralizedCylinder, values) -> GeneralizedCylinder:
 def _distance(
     cylinder: GeneralizedCylinder, contour, members: Members
 ) -> Float[Array, "members knots 3"]:
-    """Return what separates the clusters' strands from the given ones, past the root."""
+    """Return the clusters' strands less the given ones, without their roots."""
     frames = jax.vmap(cylinder_frames)(cylinder)
-    mine = jax.tree.map(lambda leaf: leaf[members.owner], (contour, cylinder, frames))
+    contour, cylinder, frames = jax.tree.map(
+        lambda leaf: leaf[members.owner], (contour, cylinder, frames)
+    )
     whole = jnp.ones(len(members.owner), members.knots.dtype)
-    knots = jax.vmap(strand_knots)(*mine, members.uv, whole)
+    knots = jax.vmap(strand_knots)(contour, cylinder, frames, members.uv, whole)
     return knots[:, 1:] - members.knots[:, 1:]
 
 
@@ -142,7 +144,10 @@ def _closed_form(layout: Layout, members: Members) -> GeneralizedCylinder:
     frames = jax.vmap(cylinder_frames)(plain)
     across = np.stack([np.asarray(frames.normal), np.asarray(frames.binormal)], axis=2)
     scale, twist, shear = split_map(np.einsum("gkij,gkjl->gkil", across, maps))
-    return _with(plain, (plain.skeleton, *map(jnp.asarray, (scale, twist, shear))))
+    return _with(
+        plain,
+        (plain.skeleton, jnp.asarray(scale), jnp.asarray(twist), jnp.asarray(shear)),
+    )
 
 
 def _regress(

@@ -1,8 +1,8 @@
 """What the photographs say about the direction of hair in space.
 
 In each voxel the photographs that see it give planes that hold the hair; the direction
-nearest to all planes is the evidence. Inside the hair, where nobody looks, the structure
-tensor is diffused: it has no sign, so neither has its mean.
+nearest to all planes is the evidence. Inside the hair, where nobody looks, the
+structure tensor is diffused: it has no sign, so neither has its mean.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ class Evidence(NamedTuple):
 
     Attributes:
         direction: Unit direction without sign.
-        weight: How much the photographs say; 0 where none looks, about 1 per sharp view.
+        weight: How much the photographs say; 0 where none looks, 1 a sharp view.
     """
 
     direction: Float[np.ndarray, "voxels 3"]
@@ -116,14 +116,15 @@ def _planes(
 def _surface_normal(hull: Hull) -> Float[np.ndarray, "voxels 3"]:
     """Return the outward normal of hair and head together, smoothed over 2 voxels."""
     solid = ndimage.gaussian_filter((hull.hair | (hull.head < 0)).astype(float), 2.0)
-    slope = -np.stack(np.gradient(solid), axis=-1)[hull.hair]
+    x, y, z = np.gradient(solid)
+    slope = -np.stack([x, y, z], axis=-1)[hull.hair]
     return slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-12)
 
 
 def diffuse(hull: Hull, evidence: Evidence) -> Field:
-    """Fill the hull with directions from the evidence, and carry them past its border.
+    r"""Fill the hull with directions from the evidence, and carry them past its border.
 
-    The tensors $T$ of all voxels minimise $w |T - d d^T|^2 + \\lambda |\\nabla T|^2$;
+    The tensors $T$ of all voxels minimise $w |T - d d^T|^2 + \lambda |\nabla T|^2$;
     conjugate gradients, first on every second voxel, then on all.
     """
     index = np.argwhere(hull.hair)
@@ -131,7 +132,9 @@ def diffuse(hull: Hull, evidence: Evidence) -> Field:
     half, member = np.unique(index // 2, axis=0, return_inverse=True)
     member = member.ravel()
     weight = np.bincount(member, evidence.weight)
-    mean = np.stack([np.bincount(member, evidence.weight * t) for t in target.T], 1)
+    mean = np.stack(
+        [np.bincount(member, evidence.weight * target[:, j]) for j in range(6)], axis=1
+    )
     mean /= np.maximum(weight, 1e-9)[:, None]
     start = _solve(half, weight / 8, mean, np.zeros_like(mean), 4 * SMOOTHING / 8)
     tensor = _solve(index, evidence.weight, target, start[member], SMOOTHING)
@@ -141,13 +144,16 @@ def diffuse(hull: Hull, evidence: Evidence) -> Field:
     anisotropy = np.zeros(hull.grid.shape)
     direction[hull.hair] = vectors[:, :, 2]
     anisotropy[hull.hair] = np.clip(sure, 0.0, 1.0)
-    _, nearest = ndimage.distance_transform_edt(~hull.hair, return_indices=True)
+    nearest = np.zeros((3, *hull.grid.shape), np.int32)
+    ndimage.distance_transform_edt(
+        ~hull.hair, return_distances=False, return_indices=True, indices=nearest
+    )
     return Field(direction[tuple(nearest)], anisotropy[tuple(nearest)])
 
 
 def _outer(d: Float[np.ndarray, "voxels 3"]) -> Float[np.ndarray, "voxels 6"]:
     """Return the six different entries of $d d^T$."""
-    x, y, z = d.T
+    x, y, z = d[:, 0], d[:, 1], d[:, 2]
     return np.stack([x * x, y * y, z * z, x * y, x * z, y * z], axis=1)
 
 
@@ -157,7 +163,7 @@ def _matrix(t: Float[np.ndarray, "voxels 6"]) -> Float[np.ndarray, "voxels 3 3"]
 
 
 def _neighbours(index: Int[np.ndarray, "voxels 3"]) -> Int[np.ndarray, "voxels 6"]:
-    """Return the row of each face neighbour, or the number of voxels if there is none."""
+    """Return the row of each face neighbour, the number of voxels for none."""
     size = index.max(axis=0) + 3
     row = np.full(tuple(size), len(index))
     inner = index + 1
@@ -203,7 +209,7 @@ def _conjugate_gradients(
     start: Float[Array, "voxels 6"],
     smoothing: Float[Array, ""],
 ) -> Float[Array, "voxels 6"]:
-    """Solve $(w + \\lambda L) T = w T_0$ with a diagonal preconditioner."""
+    r"""Solve $(w + \lambda L) T = w T_0$ with a diagonal preconditioner."""
     degree = (around < len(weight)).sum(axis=1, keepdims=True)
     # The last term keeps voxels that no evidence reaches at zero, not undefined.
     diagonal = weight + smoothing * degree.astype(weight.dtype) + 1e-6

@@ -44,7 +44,7 @@ class Grid:
 
     def inside(self, voxels: Int[np.ndarray, "points 3"]) -> Bool[np.ndarray, " _"]:
         """Return which voxels lie in the grid."""
-        return ((voxels >= 0) & (voxels < np.array(self.shape))).all(axis=1)
+        return np.all((voxels >= 0) & (voxels < np.array(self.shape)), axis=1)
 
 
 def trilinear(

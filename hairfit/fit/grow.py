@@ -85,7 +85,7 @@ def grow(
 def resample_paths(
     paths: Float[np.ndarray, "strands steps 3"], knots: int
 ) -> Float[np.ndarray, "strands knots 3"]:
-    """Return polylines with equal distances; repeated points at their ends do no harm."""
+    """Return polylines with equal distances; repeated last points do no harm."""
     lengths = np.linalg.norm(np.diff(paths, axis=1), axis=2)
     along = np.concatenate([np.zeros((len(paths), 1)), np.cumsum(lengths, axis=1)], 1)
     at = along[:, -1:] * np.linspace(0.0, 1.0, knots)
@@ -102,8 +102,9 @@ def resample_paths(
 
 
 def _unit_gradient(values: Float[np.ndarray, "x y z"]) -> list[np.ndarray]:
-    slope = np.stack(np.gradient(values))
-    return list(slope / np.maximum(np.linalg.norm(slope, axis=0), 1e-9))
+    x, y, z = np.gradient(values)
+    length = np.maximum(np.sqrt(x**2 + y**2 + z**2), 1e-9)
+    return [x / length, y / length, z / length]
 
 
 @jax.jit(static_argnames="config")

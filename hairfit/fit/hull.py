@@ -91,16 +91,19 @@ def _allowed(
     depths: Sequence[Float[np.ndarray, "height width"]],
     margin: float,
 ) -> Bool[np.ndarray, "x y z"]:
-    """Return the voxels of `start` that all views allow; `margin` is pixels × metres."""
+    """Return the voxels of `start` that all views allow.
+
+    `margin` grows the masks, in pixels times metres of depth.
+    """
     index = np.flatnonzero(start.ravel())
     points = grid.centres(start)
-    pictures, witnesses = np.zeros((2, len(index)), int)
+    pictures, witnesses = np.zeros(len(index), int), np.zeros(len(index), int)
     for view, depth in zip(views, depths, strict=True):
         pixel, z = project_points(points, view.camera)
         grow = MASK_MARGIN + int(np.ceil(margin / max(float(np.median(z)), 0.05)))
         hair = ndimage.maximum_filter(view.hair, size=2 * grow + 1)
         x, y = np.floor(pixel[:, 0]).astype(int), np.floor(pixel[:, 1]).astype(int)
-        height, width = hair.shape
+        height, width = view.hair.shape
         seen = (z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
         x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
         hidden = z > depth[y, x]
@@ -111,19 +114,18 @@ def _allowed(
     index = index[
         (pictures >= len(views) / 2) & (witnesses >= max(1, WITNESSES * len(views)))
     ]
-    out = np.zeros(start.size, bool)
-    out[index] = True
-    return out.reshape(start.shape)
+    return np.isin(np.arange(start.size), index).reshape(grid.shape)
 
 
 def _outside_head(grid: Grid, hair: Bool[np.ndarray, "x y z"], head: Mesh) -> Hull:
     """Take the head out of the hull and measure distances."""
-    near = ndimage.binary_dilation(hair, iterations=4)
+    near = np.asarray(ndimage.binary_dilation(hair, iterations=4), bool)
     skin = np.full(grid.shape, 0.02)
     skin[near] = signed_distance(head, grid.centres(near))
     hair = hair & (skin > -0.001)
-    parts, count = ndimage.label(hair)
-    sizes = np.bincount(parts.ravel(), minlength=count + 1)
+    parts = np.zeros(grid.shape, np.int32)
+    ndimage.label(hair, output=parts)
+    sizes = np.bincount(parts.ravel())
     sizes[0] = 0
     hair = np.isin(parts, np.flatnonzero(sizes >= LEAST_VOXELS))
     if not hair.any():
@@ -131,10 +133,9 @@ def _outside_head(grid: Grid, hair: Bool[np.ndarray, "x y z"], head: Mesh) -> Hu
             "the hair masks leave no room for hair outside the head; check that "
             "`head.obj` stands where the cameras see the head."
         )
-    half = grid.spacing / 2
-    outside = ndimage.distance_transform_edt(~hair) * grid.spacing - half
-    inside = ndimage.distance_transform_edt(hair) * grid.spacing - half
-    distance = np.where(hair, -inside, outside)
+    outside = np.asarray(ndimage.distance_transform_edt(~hair))
+    inside = np.asarray(ndimage.distance_transform_edt(hair))
+    distance = np.where(hair, 0.5 - inside, outside - 0.5) * grid.spacing
     return Hull(grid, hair, distance, skin)
 
 

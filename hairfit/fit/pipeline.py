@@ -27,6 +27,7 @@ from .cylinders import Members, fit_cylinders
 from .evidence import diffuse, gather
 from .grow import GrowConfig, grow
 from .hull import Hull, carve
+from .prune import prune
 from .refine import RefineConfig, Samples, refine
 from .residuals import head_field, photo_maps
 
@@ -45,7 +46,7 @@ class FitConfig:
     """How a fit is done."""
 
     quality: Literal["draft", "normal", "high"] = "normal"
-    """How fine: the edge of a voxel, the number of clusters, the steps of refinement."""
+    """How fine: edge of a voxel, number of clusters, steps of refinement."""
     seed: int = 0
     """Of all that is random; the same seed gives the same bytes."""
     strands: int = 16000
@@ -110,8 +111,8 @@ def fit_capture(
     head = capture.head
     if head is None:
         raise InputError(
-            f"no `head.obj` in '{capture.folder}'; put the head's mesh there, in metres "
-            "and where the cameras see it."
+            f"no `head.obj` in '{capture.folder}'; put the head's mesh there, in "
+            "metres and where the cameras see it."
         )
     store = Checkpoint(checkpoint)
     progress("finding orientation", 0.0)
@@ -126,10 +127,10 @@ def fit_capture(
     progress("fitting cylinders", 0.5)
     tree, error = _tree(scalp, uv, grown, preset, config, store)
     progress("refining the tree", 0.6)
-    samples = _samples(tree, preset, config)
+    tree = prune(tree, _samples(tree, preset, config), hull)
     tree = refine(
         tree,
-        samples,
+        _samples(tree, preset, config),
         capture.views,
         depths,
         photo_maps(capture.views, maps, depths),
@@ -137,6 +138,7 @@ def fit_capture(
         preset.refine,
         progress=lambda share: progress("refining the tree", 0.6 + 0.35 * share),
     )
+    tree = prune(tree, _samples(tree, preset, config), hull)
     progress("drawing strands", 0.96)
     strands = derive_strands(tree, head, config.strands, STRAND_POINTS, config.seed)
     parent = np.asarray(tree.parent)
@@ -262,14 +264,16 @@ def _tree(
         leaves=preset.leaves,
         seed=config.seed,
     )
-    owner = layout.owner
-    held = np.flatnonzero(owner >= 0)
-    above = np.asarray(layout.tree.parent)[owner[held]]
+    # Every strand counts for its leaf and for the root cluster above.
+    strand = np.tile(np.arange(len(uv)), 2)
+    above = np.where(layout.owner < 0, -1, np.asarray(layout.tree.parent)[layout.owner])
+    owner = np.concatenate([layout.owner, above])
+    strand, owner = strand[owner >= 0], owner[owner >= 0]
     members = Members(
-        jnp.asarray(np.concatenate([uv[held]] * 2), jnp.float32),
-        jnp.asarray(np.concatenate([owner[held], above]), jnp.int32),
-        jnp.asarray(np.concatenate([strands[held]] * 2), jnp.float32),
-        jnp.ones(2 * len(held), jnp.float32),
+        jnp.asarray(uv[strand], jnp.float32),
+        jnp.asarray(owner, jnp.int32),
+        jnp.asarray(strands[strand], jnp.float32),
+        jnp.ones(len(owner), jnp.float32),
     )
     fitted = fit_cylinders(layout, members)
     tree = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), fitted.tree)

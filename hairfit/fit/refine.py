@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ..capture.capture import View
 from ..model.cylinder import GeneralizedCylinder, cylinder_frames
@@ -23,6 +23,9 @@ from ..model.tree import HairTree
 from .residuals import (
     HeadField,
     PhotoMaps,
+    Pulls,
+    bare_loss,
+    find_pulls,
     head_loss,
     image_loss,
     seen_segments,
@@ -115,7 +118,8 @@ def refine(
             current = moved(problem, moves, level)
             strands = np.asarray(_strands(tree, current, samples, config.points))
             seen = jnp.asarray(seen_segments(strands, views, depths))
-            moves = _descend(problem, moves, seen, level, config)
+            pulls = find_pulls(strands, views, depths, done)
+            moves = _descend(problem, moves, seen, pulls, level, config)
             done += 1
             progress(done / (2 * config.rounds))
         tree = eqx.tree_at(lambda t: t.cylinder, tree, moved(problem, moves, level))
@@ -196,7 +200,12 @@ def carry(
 
 @eqx.filter_jit
 def _descend(
-    problem: Problem, moves: Moves, seen, level: int, config: RefineConfig
+    problem: Problem,
+    moves: Moves,
+    seen: Bool[Array, "views strands segments"],
+    pulls: Pulls,
+    level: int,
+    config: RefineConfig,
 ) -> Moves:
     """Return the moves after some steps of Adam."""
 
@@ -209,20 +218,22 @@ def _descend(
             prior += jnp.mean((change / config.sigma_map) ** 2)
             prior += jnp.mean((jnp.diff(change, axis=1) / config.sigma_map) ** 2)
         found = image_loss(strands, seen, problem.maps)
+        found += bare_loss(strands, pulls, problem.maps)
         return found + head_loss(strands, problem.head) + 0.1 * prior
 
-    optimizer = optax.chain(
-        optax.scale_by_adam(b1=0.8, b2=0.95),
-        optax.scale_by_learning_rate(1.0),
+    optimizer = optax.partition(
+        {
+            "metres": optax.adam(config.rate, b1=0.8, b2=0.95),
+            "map": optax.adam(config.rate_map, b1=0.8, b2=0.95),
+        },
+        Moves("metres", "map", "map", "map"),  # pyright: ignore[reportArgumentType]
     )
-    rates = Moves(config.rate, config.rate_map, config.rate_map, config.rate_map)
 
     def step(state, _):
         moves, memory = state
         gradient = jax.grad(loss)(moves)
         updates, memory = optimizer.update(gradient, memory)
-        moves = jax.tree.map(lambda m, u, r: m + r * u, moves, updates, rates)
-        return (moves, memory), None
+        return (jax.tree.map(jnp.add, moves, updates), memory), None
 
     (moves, _), _ = jax.lax.scan(
         step, (moves, optimizer.init(moves)), None, length=config.steps

@@ -9,13 +9,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 from scipy import ndimage
+from scipy.spatial import KDTree
 
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..render.camera import Camera
-from ..render.raster import rasterise, visible_points
+from ..render.raster import project_points, rasterise, visible_points
 from .grid import trilinear_many
 from .hull import Hull
 
@@ -25,6 +26,9 @@ SIGMA_INSIDE_HEAD = 0.0005  # metres
 CLEARANCE = 0.001  # metres between skin and hair
 SEEN_DEPTH = 0.004  # metres into the hair that a photograph shows
 SHRINK = 2  # the maps are kept at one pixel for 2 by 2
+SIGMA_BARE = 0.001  # metres
+BARE = 0.002  # metres from a strand where hair counts as not covered
+PROBES, PULLS = 4000, 1024  # pixels that are asked in each photograph, and those used
 FARTHEST = 0.05  # metres beyond which a sample outside the mask pulls no more
 
 
@@ -167,6 +171,77 @@ def _bilinear(image: Float[Array, "height width"], pixel: Float[Array, "*batch 2
     upper = image[y, x] * (1 - share[..., 0]) + image[y, x + 1] * share[..., 0]
     lower = image[y + 1, x] * (1 - share[..., 0]) + image[y + 1, x + 1] * share[..., 0]
     return upper * (1 - share[..., 1]) + lower * share[..., 1]
+
+
+class Pulls(eqx.Module):
+    """Pixels of hair that no strand covers, and the strand's point that is nearest.
+
+    Attributes:
+        strand: Index of the strand.
+        point: Index of its point.
+        pixel: The pixel, in the shrunken pictures of `PhotoMaps`.
+        share: Weight; the weights of a view add up to the uncovered share of its hair.
+    """
+
+    strand: Int[Array, "views pulls"]
+    point: Int[Array, "views pulls"]
+    pixel: Float[Array, "views pulls 2"]
+    share: Float[Array, "views pulls"]
+
+
+def find_pulls(
+    strands: Float[np.ndarray, "strands knots 3"],
+    views: Sequence[View],
+    depths: Sequence[Float[np.ndarray, "height width"]],
+    seed: int,
+) -> Pulls:
+    """Return what draws strands to hair that they leave bare."""
+    rng = np.random.default_rng(seed)
+    knots = strands.shape[1]
+    strand, point, pixel, share = [], [], [], []
+    for view, head_depth in zip(views, depths, strict=True):
+        found = project_points(strands.reshape(-1, 3), view.camera)
+        at = np.floor(found.pixel).astype(int)
+        at = np.clip(at, 0, [view.camera.width - 1, view.camera.height - 1])
+        # Not the roots, which stay, nor what the head hides.
+        free = (np.arange(len(at)) % knots > 0) & (found.depth > 0)
+        free &= found.depth < head_depth[at[:, 1], at[:, 0]]
+        usable = np.flatnonzero(free)
+        hair = np.argwhere(view.hair)[:, ::-1] + 0.5
+        chosen = hair[rng.choice(len(hair), min(PROBES, len(hair)), replace=False)]
+        if not len(usable):
+            chosen = chosen[:0]
+        apart, nearest = map(np.asarray, KDTree(found.pixel[usable]).query(chosen))
+        metres = apart * found.depth[usable[nearest]] / float(view.camera.K[0, 0])
+        bare = np.flatnonzero((metres > BARE) & (metres < FARTHEST))[:PULLS]
+        spare = PULLS - len(bare)
+        index = np.pad(usable[nearest[bare]], (0, spare))
+        strand.append(index // knots)
+        point.append(index % knots)
+        pixel.append(np.pad(chosen[bare], ((0, spare), (0, 0))) / SHRINK)
+        share.append(np.pad(np.full(len(bare), 1.0 / len(chosen)), (0, spare)))
+    return Pulls(
+        jnp.asarray(np.stack(strand), jnp.int32),
+        jnp.asarray(np.stack(point), jnp.int32),
+        jnp.asarray(np.stack(pixel), jnp.float32),
+        jnp.asarray(np.stack(share), jnp.float32),
+    )
+
+
+def bare_loss(
+    strands: Float[Array, "strands knots 3"], pulls: Pulls, maps: PhotoMaps
+) -> Float[Array, ""]:
+    """Return how far strands are from the hair that they should cover."""
+
+    def one(pull, found):
+        height, width = found.outside.shape
+        camera = Camera(found.K, found.cam_from_world, width, height)
+        pixel, depth = jax.vmap(camera.project)(strands[pull.strand, pull.point])
+        away = jnp.sqrt(jnp.sum((pixel - pull.pixel) ** 2, axis=1) + 1e-4)
+        metres = away * SHRINK * depth / found.focal
+        return jnp.sum(pull.share * jnp.minimum(metres, FARTHEST)) / SIGMA_BARE
+
+    return jnp.mean(jax.vmap(one)(pulls, maps))
 
 
 class HeadField(eqx.Module):

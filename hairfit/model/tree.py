@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, ScalarLike
+from jaxtyping import Array, Bool, Float, ScalarLike
 
 from .contour import ANGLES, contour_radius
 from .cylinder import GeneralizedCylinder
@@ -118,6 +118,18 @@ def descendants(tree: HairTree, index: int) -> np.ndarray:
         if parent[i] in found:
             found.add(i)
     return np.array(sorted(found - {index}), int)
+
+
+def take(tree: HairTree, keep: Bool[np.ndarray, " clusters"]) -> HairTree:
+    """Return the tree of some clusters, which must have their parents among them."""
+    index = np.flatnonzero(keep)
+    number = np.cumsum(keep) - 1
+    parent = np.asarray(tree.parent)[index]
+    contour, cylinder, variation = jax.tree.map(
+        lambda leaf: leaf[index], (tree.contour, tree.cylinder, tree.length_variation)
+    )
+    renumbered = tuple(int(number[p]) if p >= 0 else -1 for p in parent)
+    return HairTree(tree.scalp, contour, cylinder, variation, renumbered)
 
 
 def plant(

@@ -257,6 +257,20 @@ def window(mesh: Mesh, camera: Camera) -> tuple[slice, slice]:
     return slice(first[1], last[1]), slice(first[0], last[0])
 
 
+def vertex_normals(mesh: Mesh) -> Float[np.ndarray, "vertices 3"]:
+    """Return unit normals at the vertices, weighted by the areas of their faces."""
+    corner = np.asarray(mesh.vertices, np.float64)[mesh.faces]
+    cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    out = np.zeros((len(mesh.vertices), 3))
+    np.add.at(out, mesh.faces.reshape(-1), np.repeat(cross, 3, 0))
+    return unit(out)
+
+
+def unit(v: Float[np.ndarray, "*vectors 3"]) -> Float[np.ndarray, "*vectors 3"]:
+    """Return vectors of length 1; those of length 0 stay."""
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12)
+
+
 def visible_points(
     points: Float[np.ndarray, "points 3"],
     camera: Camera,

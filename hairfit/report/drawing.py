@@ -1,5 +1,6 @@
 """Previews of hair from any side, by OpenGL where there is one."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -13,6 +14,7 @@ from ..errors import InputError
 from ..evaluate.visibility import even_strands
 from ..io.atomic import atomic_path
 from ..render.camera import Camera
+from ..render.gl import NoContextError, turntable
 from ..render.raster import mesh_depth, rasterise
 from ..types import Mesh
 from .hairstyles import must_exist, read_strands
@@ -60,7 +62,7 @@ def draw(
         camera = orbit_camera(points, float(azimuth), float(elevation), size)
     else:
         camera = camera_named(view, entries, capture)
-    picture = preview(points, head, camera)
+    (picture,) = draw_hair(points, head, [camera])
     with atomic_path(out) as new:
         new.write_bytes(encode_picture(picture, ".png"))
 
@@ -114,27 +116,24 @@ def orbit_camera(
     return Camera(jnp.asarray(K), jnp.asarray(cam_from_world), *size)
 
 
-def turntable(
+def orbit_cameras(
+    points: Float[np.ndarray, "strands knots 3"], turns: int, size: tuple[int, int]
+) -> list[Camera]:
+    """Return cameras evenly around hair and a little above it, the first in front."""
+    azimuths = 2 * np.pi * np.arange(turns) / turns
+    return [orbit_camera(points, float(a), np.radians(8.0), size) for a in azimuths]
+
+
+def draw_hair(
     points: Float[np.ndarray, "strands knots 3"],
     head: Mesh | None,
-    turns: int,
-    size: tuple[int, int],
+    cameras: Sequence[Camera],
 ) -> list[UInt8[np.ndarray, "height width 3"]]:
-    """Return pictures of hair from all around, the first from the front."""
-    azimuths = 2 * np.pi * np.arange(turns) / turns
-    cameras = [orbit_camera(points, float(a), np.radians(8.0), size) for a in azimuths]
-    return [preview(points, head, camera) for camera in cameras]
-
-
-def preview(
-    points: Float[np.ndarray, "strands knots 3"], head: Mesh | None, camera: Camera
-) -> UInt8[np.ndarray, "height width 3"]:
-    """Return a picture of hair on a head, by OpenGL or, without one, by NumPy."""
+    """Return a picture of hair for each camera, by OpenGL or, without it, by NumPy."""
     try:
-        from ..render.gl.preview import render_preview
-    except ImportError:
-        return plain_preview(points, head, camera)
-    return render_preview(points, head, camera)
+        return turntable(points, head, cameras)
+    except NoContextError:
+        return [plain_preview(points, head, camera) for camera in cameras]
 
 
 def plain_preview(

@@ -9,7 +9,7 @@ from ..evaluate.photographs import PhotographErrors, compare_with_photograph
 from ..evaluate.visibility import even_strands, look
 from ..fit import FitResult
 from ..render.raster import rasterise
-from .drawing import preview, turntable
+from .drawing import draw_hair, orbit_cameras
 from .html import ViewPage, report_html
 from .pictures import (
     hair_window,
@@ -32,7 +32,7 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
         look(capture.head, capture.views), fitted.maps, strict=True
     ):
         view = sight.view
-        drawn = rasterise(points, view.camera, mesh_depth=sight.behind)
+        raster = rasterise(points, view.camera, mesh_depth=sight.behind)
         errors = compare_with_photograph(points, sight)
         photographs[view.name] = {
             "mean_angle_deg": errors.mean_angle_deg,
@@ -45,16 +45,18 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
                 view.name,
                 photo_picture(view)[window],
                 orientation_picture(found, view.hair)[window],
-                overlay_picture(view, drawn)[window],
+                overlay_picture(view, raster)[window],
                 in_words(errors),
             )
         )
-        picture = preview(points, capture.head, view.camera)
-        (previews / f"{view.name}.png").write_bytes(encode_picture(picture, ".png"))
-    frames = turntable(points, capture.head, TURNS, TURNTABLE_SIZE)
-    for k, frame in enumerate(frames):
-        name = f"turntable-{k:02}.png"
-        (previews / name).write_bytes(encode_picture(frame, ".png"))
+    cameras = [view.camera for view in capture.views]
+    turns = orbit_cameras(points, TURNS, TURNTABLE_SIZE)
+    drawn = draw_hair(points, capture.head, [*cameras, *turns])
+    frames = drawn[len(cameras) :]
+    names = [page.name for page in pages]
+    names += [f"turntable-{k:02}" for k in range(len(frames))]
+    for name, picture in zip(names, drawn, strict=True):
+        (previews / f"{name}.png").write_bytes(encode_picture(picture, ".png"))
     title = f"{capture.folder.resolve().name}, recovered from {len(pages)} photographs"
     text = report_html(title, pages, fitted.figures, frames)
     (folder / "report.html").write_text(text, encoding="utf-8")

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..render.raster import unit
 from ..types import Strands
 from .head import head_distance, head_normal
 
@@ -148,11 +149,6 @@ def resampled(pieces, knots: int) -> Float[np.ndarray, "guides knots 3"]:
     """Return polylines with `knots` points each, at even distances."""
     offsets = np.cumsum([0, *map(len, pieces)])
     return Strands(np.concatenate(pieces), offsets).resample(knots)
-
-
-def unit(v) -> Float[np.ndarray, "*vectors 3"]:
-    """Return vectors of length 1."""
-    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12)
 
 
 def smooth_step(x):

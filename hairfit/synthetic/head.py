@@ -50,17 +50,18 @@ def head_distance(p: Float[np.ndarray, "*points 3"]) -> Float[np.ndarray, "*poin
 def ellipsoid(p, centre, radii) -> Float[np.ndarray, "*points"]:
     """Return the distance from an ellipsoid, to first order at its surface."""
     scaled = (p - np.asarray(centre)) / np.asarray(radii)
-    gradient = np.linalg.norm(scaled / np.asarray(radii), axis=-1)
-    inside = np.linalg.norm(scaled, axis=-1)
+    square = scaled * scaled
+    gradient = np.sqrt(square @ (1.0 / np.square(radii)))
+    inside = np.sqrt(square.sum(-1))
     return inside * (inside - 1.0) / np.maximum(gradient, 1e-9)
 
 
 def neck(p) -> Float[np.ndarray, "*points"]:
     """Return the distance from the neck: a leaning cylinder that widens downwards."""
     y = np.minimum(p[..., 1], -0.03)
-    middle = np.stack([0.0 * y, p[..., 1], -0.022 + 0.10 * (y + 0.03)], -1)
     radius = 0.049 + 4.0 * np.clip(-0.15 - y, 0.0, None) ** 2
-    across = np.linalg.norm(p - middle, axis=-1) - radius
+    middle = -0.022 + 0.10 * (y + 0.03)
+    across = np.hypot(p[..., 0], p[..., 2] - middle) - radius
     top = np.maximum(across, p[..., 1])
     return -blend(-top, p[..., 1] - NECK_END, 0.02)
 

@@ -8,12 +8,23 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from ..capture.photos import srgb_from_linear
 from ..render import Camera, Fibre, kajiya_kay, mesh_hits, project_points, rasterise
+from ..render.opacity import (
+    Box,
+    Matter,
+    Volume,
+    hair_matter,
+    opacity_volume,
+    together,
+    transmittance,
+)
+from ..render.raster import unit, vertex_normals
 from ..types import Mesh
 from .head import head_distance
-from .light import Matter, Volume, opacity_volume, transmittance
 
 SUPERSAMPLING = 3
+STUDIO = Box(np.array([0.0, -0.03, -0.03]), 0.27, 0.003)
 FIBRE_SHADE = jax.jit(jax.vmap(kajiya_kay, (0, None, 0, None)))
 
 
@@ -97,28 +108,23 @@ def make_lighting(points: Float[np.ndarray, "strands knots 3"], look: Look) -> L
     """Return the shadows that hair and head cast on hair and head."""
     matter = blocking_matter(points, look)
     shadows = tuple(
-        opacity_volume(matter, np.array(light.to_light)) for light in look.lights
+        opacity_volume(matter, np.array(light.to_light), STUDIO)
+        for light in look.lights
     )
-    open_sky = tuple(opacity_volume(matter, np.array(one)) for one in SKY)
+    open_sky = tuple(opacity_volume(matter, np.array(one), STUDIO) for one in SKY)
     reach = Lighting(shadows, open_sky, np.zeros((0, 0, 0)))
     return reach._replace(hair=light_shares(reach, points))
 
 
 def blocking_matter(points: Float[np.ndarray, "strands knots 3"], look: Look) -> Matter:
     """Return hair and the inside of the head as samples that block light."""
-    steps = np.diff(points, axis=1)
-    middle = points[:, :-1] + 0.5 * steps
-    area = np.linalg.norm(steps, axis=2) * look.width
     side = 0.004
     grid = np.stack(
         np.meshgrid(*(np.arange(-0.2, 0.2, side),) * 3, indexing="ij"), -1
     ).reshape(-1, 3)
     solid = grid[head_distance(grid) < -0.003]
     weight = np.full(len(solid), side**2)
-    return Matter(
-        np.concatenate([middle.reshape(-1, 3), solid]),
-        np.concatenate([area.reshape(-1), weight]),
-    )
+    return together(hair_matter(points, look.width), Matter(solid, weight))
 
 
 def light_shares(
@@ -165,7 +171,7 @@ def take_picture(
     linear = box_filter(colour)
     linear += look.noise * rng.standard_normal(linear.shape)
     return Picture(
-        to_srgb(linear),
+        np.round(255.0 * srgb_from_linear(linear)).astype(np.uint8),
         box_filter(raster.coverage[..., None])[..., 0] >= 0.5,
         box_filter(skin[..., None])[..., 0] > 0.5,
     )
@@ -265,8 +271,7 @@ def smooth_normals(head: Mesh, face, p) -> Float[np.ndarray, "points 3"]:
     """Return the normals at points on faces, interpolated between the corners'."""
     corner = head.vertices[head.faces]
     flat = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    vertex = np.zeros_like(head.vertices)
-    np.add.at(vertex, head.faces.reshape(-1), np.repeat(flat, 3, 0))
+    vertex = vertex_normals(head)
     a, b, c = (corner[face, k] for k in range(3))
     area = flat[face]
     size = np.maximum((area**2).sum(1), 1e-30)
@@ -274,8 +279,10 @@ def smooth_normals(head: Mesh, face, p) -> Float[np.ndarray, "points 3"]:
         (np.cross(second - first, p - first) * area).sum(1) / size
         for first, second in ((b, c), (c, a), (a, b))
     ]
-    normal = sum(w[:, None] * vertex[head.faces[face, k]] for k, w in enumerate(weight))
-    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    normal = np.zeros_like(p)
+    for k, share in enumerate(weight):
+        normal += share[:, None] * vertex[head.faces[face, k]]
+    return unit(normal)
 
 
 def box_filter(fine: np.ndarray) -> Float[np.ndarray, "height width channels"]:
@@ -284,10 +291,3 @@ def box_filter(fine: np.ndarray) -> Float[np.ndarray, "height width channels"]:
     height, width, channels = fine.shape
     cells = fine.reshape(height // n, n, width // n, n, channels)
     return cells.mean((1, 3), dtype=np.float64)
-
-
-def to_srgb(linear: Float[np.ndarray, "*picture"]) -> UInt8[np.ndarray, "*picture"]:
-    """Return linear values as 8 bit sRGB."""
-    x = np.clip(linear, 0.0, 1.0)
-    curved = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1.0 / 2.4) - 0.055)
-    return np.round(255.0 * curved).astype(np.uint8)

@@ -110,7 +110,7 @@ def grow_tree(style: Style, scalp: Scalp, seed: int) -> HairTree:
     """Return the tree of a style; root clusters first, then all of their children."""
     key = jax.random.key(seed)
     rng = np.random.default_rng(seed)
-    uv = np.asarray(sample_roots(scalp, 10000, key))
+    uv = np.asarray(sample_roots(scalp, 6000, key))
     on_scalp = jax.jit(jax.vmap(scalp_point, (None, 0)))
     p = np.asarray(on_scalp(scalp, jnp.asarray(uv)))
     centres = uv[scatter(p, style.roots, rng)]
@@ -146,7 +146,7 @@ def lift_out(tree: HairTree, key) -> HairTree:
     knots = tree.cylinder.skeleton.shape[1]
     for round_key in jax.random.split(key, 8):
         # Other roots each time: what one round leaves, the next one meets.
-        uv = sample_roots(tree.scalp, 10000, round_key)
+        uv = sample_roots(tree.scalp, 6000, round_key)
         owner = find_owner(tree, np.asarray(uv))
         eta = jnp.ones(len(uv), uv.dtype)
         p = np.asarray(grow_strands(tree, uv, owner, eta, 3 * knots - 2))

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from hairfit.render.gl import NoContextError
 from hairfit.render.raster import project_points
-from hairfit.report.drawing import orbit_camera, plain_preview
+from hairfit.report.drawing import draw_hair, orbit_camera, plain_preview
 from hairfit.types import Mesh
 
 
@@ -45,3 +46,13 @@ def test_without_opengl_hair_is_brown_and_hidden_by_the_head():
     wall = np.array([[-1.0, -1, 0.05], [1, -1, 0.05], [0, 2, 0.05]])
     hidden = plain_preview(line, Mesh(wall, np.array([[0, 1, 2]])), camera)
     assert len(set(hidden[20, 20].tolist())) == 1
+
+
+def test_numpy_draws_where_there_is_no_opengl(points, monkeypatch):
+    def refuse(points, head, cameras):
+        raise NoContextError("no OpenGL here.")
+
+    monkeypatch.setattr("hairfit.report.drawing.turntable", refuse)
+    camera = orbit_camera(points, 0.0, 0.0, (20, 30))
+    (picture,) = draw_hair(points, None, [camera])
+    assert np.array_equal(picture, plain_preview(points, None, camera))

@@ -1,0 +1,52 @@
+"""Leaf clusters that run where no hair can be are taken out of the tree."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from scipy import ndimage
+
+from ..model.strand import grow_strands
+from ..model.tree import HairTree, take
+from .hull import Hull
+from .refine import Samples
+
+STRAY = 0.006  # metres outside the hull at which a point counts as lost
+MOST_LOST = 0.12  # share of lost points that a leaf may have
+POINTS = 24
+
+
+def prune(tree: HairTree, samples: Samples, hull: Hull) -> HairTree:
+    """Return the tree without leaves whose strands leave the hull.
+
+    Their roots go to the closest leaf of the same root cluster, as figure 4-15 of the
+    thesis has it; so each root cluster keeps at least its best leaf.
+
+    Args:
+        tree: A tree of two levels.
+        samples: Strands over the whole scalp.
+        hull: Where hair can be.
+    """
+    lost = lost_share(tree, samples, hull)
+    parent = np.asarray(tree.parent)
+    keep = (parent < 0) | (lost <= MOST_LOST)
+    for root in np.flatnonzero(parent < 0):
+        below = np.flatnonzero(parent == root)
+        if len(below) and not keep[below].any():
+            keep[below[np.argmin(lost[below])]] = True
+    return take(tree, keep)
+
+
+def lost_share(
+    tree: HairTree, samples: Samples, hull: Hull
+) -> Float[np.ndarray, " clusters"]:
+    """Return the share of each leaf's strands' points that are outside the hull."""
+    whole = jnp.ones(len(samples.owner), samples.uv.dtype)
+    strands = grow_strands(tree, samples.uv, samples.owner, whole, POINTS)
+    points = np.asarray(strands, np.float64).reshape(-1, 3)
+    at = (points - hull.grid.origin) / hull.grid.spacing - 0.5
+    distance = ndimage.map_coordinates(hull.distance, at.T, order=1, mode="nearest")
+    beyond = ~hull.grid.inside(hull.grid.voxel(points))
+    share = ((distance > STRAY) | beyond).reshape(-1, POINTS).mean(axis=1)
+    owner = np.asarray(samples.owner)
+    total = np.bincount(owner, share, minlength=tree.count)
+    return total / np.maximum(np.bincount(owner, minlength=tree.count), 1)
