@@ -2,6 +2,7 @@
 
 import dataclasses
 import json as json_format
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -249,12 +250,20 @@ Command = (
 )
 
 
+def cache_folder() -> Path:
+    """Return where compiled programs are kept between runs."""
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(home) / "hairfit" / "jax"
+
+
 def main(args: Sequence[str] | None = None) -> int:
     """Run one command, and return its exit status.
 
     Args:
         args: The words after `hairfit`; those of the process if None.
     """
+    # What is compiled once stays compiled: a second fit starts half a minute sooner.
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache_folder()))
     command: Any = tyro.cli(
         Command,
         prog="hairfit",

@@ -1,6 +1,7 @@
 """Grown strands are gathered into clusters, two levels of them."""
 
 import functools
+import warnings
 from typing import NamedTuple
 
 import jax
@@ -123,7 +124,10 @@ def _kmeans(
     if count <= 1:
         return np.zeros(len(features), int)
     start = features[rng.choice(len(features), count, replace=False)]
-    return kmeans2(features, start, iter=12, minit="matrix", missing="warn")[1]
+    with warnings.catch_warnings():
+        # A cluster that loses all its strands is left out by the caller.
+        warnings.filterwarnings("ignore", "One of the clusters is empty")
+        return kmeans2(features, start, iter=12, minit="matrix", missing="warn")[1]
 
 
 def _compact(label: Int[np.ndarray, " strands"]) -> Int[np.ndarray, " strands"]:

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from ..model.cylinder import GeneralizedCylinder, cylinder_frames
 from ..model.strand import strand_knots
-from ..model.tree import HairTree
+from ..model.tree import HairTree, ScalpContour
 from .cluster import Layout
 
 # Strands of one cluster differ by about so much from its linear map. Metres.
@@ -27,6 +27,7 @@ WIDEST = 2.0  # times the width at the roots
 # How far least squares may go from its start, which is the solution but for the planes
 # of the cross-sections: metres, and no unit.
 SKELETON_PRIOR, MAP_PRIOR = 0.01, 0.25
+INEXACT = 0.1
 
 
 class FittedTree(NamedTuple):
@@ -52,7 +53,16 @@ class Members(NamedTuple):
     weight: Float[Array, " members"]
 
 
-def fit_cylinders(layout: Layout, members: Members, *, steps: int = 4) -> FittedTree:
+class Problem(NamedTuple):
+    """What the least squares needs besides the change that it looks for."""
+
+    contour: ScalpContour
+    start: GeneralizedCylinder
+    members: Members
+    units: tuple[Array, Array]
+
+
+def fit_cylinders(layout: Layout, members: Members, *, steps: int = 3) -> FittedTree:
     """Return the tree whose clusters come closest to their strands.
 
     First each cluster alone, in closed form: at every knot a linear map of the root's
@@ -64,21 +74,34 @@ def fit_cylinders(layout: Layout, members: Members, *, steps: int = 4) -> Fitted
         steps: Most steps of the least squares.
     """
     start = _closed_form(layout, members)
-    flexible = _flexible(start)
-    distance = jnp.mean(
-        jnp.sum(_distance(start, layout.tree.contour, members) ** 2, axis=2), 1
+    # Half of the strands say enough about some numbers a cluster.
+    some = jax.tree.map(lambda leaf: leaf[::2], members)
+    distance = _distance(start, layout.tree.contour, some)
+    error = jnp.mean(jnp.sum(distance**2, axis=2), axis=1)
+    weight = 1.0 / (1.0 + error / (2.0 * OUTLIER) ** 2)
+    problem = Problem(
+        layout.tree.contour,
+        start,
+        some._replace(weight=weight),
+        _units(start, some.owner, weight),
     )
-    weight = 1.0 / (1.0 + distance / (2.0 * OUTLIER) ** 2)
-    problem = (layout.tree.contour, start, members._replace(weight=weight))
+    unchanged = jax.tree.map(jnp.zeros_like, _flexible(start))
+    slope = jax.tree.leaves(jax.grad(_half_square)(unchanged, problem))
+    size = jnp.sqrt(jnp.mean(jnp.concatenate([s.ravel() for s in slope]) ** 2))
+    # How far a step is solved, against the first gradient: the next step corrects it.
+    inexact = lx.CG(
+        rtol=1e-6,
+        atol=INEXACT * float(size) + 1e-9,
+        norm=optx.rms_norm,
+        max_steps=200,
+    )
     solver = optx.LevenbergMarquardt(
-        rtol=1e-3,
-        atol=1e-3,
-        linear_solver=lx.Normal(lx.CG(rtol=1e-2, atol=1e-6, max_steps=25)),
+        rtol=1e-3, atol=1e-3, linear_solver=lx.Normal(inexact)
     )
     solution = optx.least_squares(
-        _residuals, solver, flexible, args=problem, max_steps=steps, throw=False
+        _residuals, solver, unchanged, args=problem, max_steps=steps, throw=False
     )
-    cylinder = _with(start, solution.value)
+    cylinder = _changed(problem, solution.value)
     distance = _distance(cylinder, layout.tree.contour, members)
     error = float(jnp.median(jnp.linalg.norm(distance, axis=2)))
     tree = eqx.tree_at(lambda t: t.cylinder, layout.tree, cylinder)
@@ -106,12 +129,50 @@ def _distance(
     return knots[:, 1:] - members.knots[:, 1:]
 
 
-def _residuals(values, problem):
-    contour, start, members = problem
-    distance = _distance(_with(start, values), contour, members)
-    distance = distance * members.weight[:, None, None]
-    skeleton, *maps = jax.tree.map(jnp.subtract, values, _flexible(start))
+def _units(
+    start: GeneralizedCylinder, owner: Int[Array, " members"], weight: Array
+) -> tuple[Array, Array]:
+    """Return what one unit of change is, of skeletons and maps of each cluster.
+
+    Each is the reciprocal root of the diagonal of the normal equations, so that
+    conjugate gradients need few steps: a Jacobi preconditioner.
+    """
+    count = jnp.zeros_like(start.radius[:, 0]).at[owner].add(weight)
+    # A strand lies at about two thirds of the contour's radius.
+    reach = (2.0 / 3.0) * start.radius[:, 0] / SPREAD
+    skeleton = jax.lax.rsqrt(count / SPREAD**2 + 1.0 / SKELETON_PRIOR**2)
+    maps = jax.lax.rsqrt(0.5 * count * reach**2 + 1.0 / MAP_PRIOR**2)
+    return skeleton, maps
+
+
+def _in_metres(units: tuple[Array, Array], change):
+    """Return a change in metres and without unit, from one in units."""
+    skeleton, scale, twist, shear = change
+    length, share = units
+    return (
+        length[:, None, None] * skeleton,
+        share[:, None, None] * scale,
+        share[:, None] * twist,
+        share[:, None] * shear,
+    )
+
+
+def _changed(problem: Problem, change) -> GeneralizedCylinder:
+    before = _flexible(problem.start)
+    after = jax.tree.map(jnp.add, before, _in_metres(problem.units, change))
+    return _with(problem.start, after)
+
+
+def _residuals(change, problem: Problem):
+    distance = _distance(_changed(problem, change), problem.contour, problem.members)
+    distance = distance * problem.members.weight[:, None, None] ** 0.5
+    skeleton, *maps = _in_metres(problem.units, change)
     return distance / SPREAD, skeleton / SKELETON_PRIOR, [m / MAP_PRIOR for m in maps]
+
+
+def _half_square(change, problem: Problem) -> Float[Array, ""]:
+    parts = jax.tree.leaves(_residuals(change, problem))
+    return 0.5 * jnp.sum(jnp.stack([jnp.sum(part**2) for part in parts]))
 
 
 def _closed_form(layout: Layout, members: Members) -> GeneralizedCylinder:

@@ -54,7 +54,7 @@ def gather(
     hull: Hull,
     views: Sequence[View],
     maps: Sequence[OrientationMap],
-    depths: Sequence[Float[np.ndarray, "height width"]],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
 ) -> Evidence:
     r"""Return the least eigenvector of $\sum w\,n n^T$ in every voxel of hair.
 

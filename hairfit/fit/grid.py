@@ -65,11 +65,12 @@ def corners(
     point: Float[Array, " 3"],
 ) -> tuple[Int[Array, "8 3"], Float[Array, " 8"]]:
     """Return the eight voxels around a point, and their trilinear weights."""
-    limit = jnp.array(shape) - 1
+    limit = jnp.array(shape, jnp.int32) - 1
     at = jnp.clip((point - origin) / spacing - 0.5, 0.0, limit.astype(point.dtype))
     low = jnp.clip(jnp.floor(at).astype(jnp.int32), 0, jnp.maximum(limit - 1, 0))
     share = at - low.astype(point.dtype)
-    steps = jnp.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    both = (0, 1)
+    steps = jnp.array([[i, j, k] for i in both for j in both for k in both], jnp.int32)
     index = jnp.minimum(low[None, :] + steps, limit[None, :])
     weight = jnp.prod(jnp.where(steps == 1, share[None, :], 1.0 - share[None, :]), 1)
     return index, weight

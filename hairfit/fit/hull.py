@@ -43,7 +43,7 @@ class Hull:
 
 def carve(
     views: Sequence[View],
-    depths: Sequence[Float[np.ndarray, "height width"]],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
     head: Mesh,
     spacing: float,
 ) -> Hull:
@@ -71,6 +71,8 @@ def carve(
             "and `masks/hair` belong to these photographs."
         )
     found = coarse.centres(allowed)
+    # A coarse voxel at the skin has its centre in the head, where nobody sees hair.
+    allowed = np.asarray(ndimage.binary_dilation(allowed, np.ones((3, 3, 3))), bool)
     low, high = found.min(axis=0) - 2 * COARSE, found.max(axis=0) + 2 * COARSE
     while True:
         grid = Grid.around(low, high, spacing)
@@ -88,7 +90,7 @@ def _allowed(
     grid: Grid,
     start: Bool[np.ndarray, "x y z"],
     views: Sequence[View],
-    depths: Sequence[Float[np.ndarray, "height width"]],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
     margin: float,
 ) -> Bool[np.ndarray, "x y z"]:
     """Return the voxels of `start` that all views allow.
@@ -99,6 +101,8 @@ def _allowed(
     points = grid.centres(start)
     pictures, witnesses = np.zeros(len(index), int), np.zeros(len(index), int)
     for view, depth in zip(views, depths, strict=True):
+        if not len(points):
+            break
         pixel, z = project_points(points, view.camera)
         grow = MASK_MARGIN + int(np.ceil(margin / max(float(np.median(z)), 0.05)))
         hair = ndimage.maximum_filter(view.hair, size=2 * grow + 1)

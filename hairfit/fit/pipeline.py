@@ -32,7 +32,7 @@ from .refine import RefineConfig, Samples, refine
 from .residuals import head_field, photo_maps
 
 Progress = Callable[[str, float], None]
-Depths = Sequence[Float[np.ndarray, "height width"]]
+Depths = Sequence[Float[np.ndarray, "_height _width"]]
 
 # Strands shorter than this did not grow: their roots are bare. Metres.
 SHORTEST = 0.008
@@ -269,11 +269,12 @@ def _tree(
     above = np.where(layout.owner < 0, -1, np.asarray(layout.tree.parent)[layout.owner])
     owner = np.concatenate([layout.owner, above])
     strand, owner = strand[owner >= 0], owner[owner >= 0]
+    kind = scalp.control.dtype
     members = Members(
-        jnp.asarray(uv[strand], jnp.float32),
+        jnp.asarray(uv[strand], kind),
         jnp.asarray(owner, jnp.int32),
-        jnp.asarray(strands[strand], jnp.float32),
-        jnp.ones(len(owner), jnp.float32),
+        jnp.asarray(strands[strand], kind),
+        jnp.ones(len(owner), kind),
     )
     fitted = fit_cylinders(layout, members)
     tree = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), fitted.tree)

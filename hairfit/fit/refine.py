@@ -82,7 +82,7 @@ def refine(
     tree: HairTree,
     samples: Samples,
     views: Sequence[View],
-    depths: Sequence[Float[np.ndarray, "height width"]],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
     maps: PhotoMaps,
     head: HeadField,
     config: RefineConfig | None = None,
@@ -111,7 +111,7 @@ def refine(
         head,
     )
     done = 0
-    for level in (0, 1):
+    for level in jnp.arange(2, dtype=jnp.int32):
         moves = _still(tree.cylinder)
         problem = problem._replace(tree=tree)
         for _ in range(config.rounds):
@@ -142,7 +142,7 @@ def _strands(tree, cylinder, samples: Samples, points: int):
     )
 
 
-def moved(problem: Problem, moves: Moves, level: int) -> GeneralizedCylinder:
+def moved(problem: Problem, moves: Moves, level: Int[Array, ""]) -> GeneralizedCylinder:
     """Return the clusters after the moves of one level, children carried along.
 
     The moves of other levels' clusters are not looked at.
@@ -166,14 +166,14 @@ def moved(problem: Problem, moves: Moves, level: int) -> GeneralizedCylinder:
             add(before.shear, moves.shear),
         ),
     )
-    if level > 0:
-        return after
     carried = jax.vmap(carry)(
         jax.tree.map(lambda leaf: leaf[problem.parent], before),
         jax.tree.map(lambda leaf: leaf[problem.parent], after),
         before.skeleton,
     )
-    kept = jnp.where(mine[:, None, None], after.skeleton, carried)
+    # Only root clusters, level 0, have something to carry.
+    follows = (level == 0) & ~mine
+    kept = jnp.where(follows[:, None, None], carried, after.skeleton)
     return eqx.tree_at(lambda c: c.skeleton, after, kept)
 
 
@@ -204,7 +204,7 @@ def _descend(
     moves: Moves,
     seen: Bool[Array, "views strands segments"],
     pulls: Pulls,
-    level: int,
+    level: Int[Array, ""],
     config: RefineConfig,
 ) -> Moves:
     """Return the moves after some steps of Adam."""
@@ -232,7 +232,9 @@ def _descend(
     def step(state, _):
         moves, memory = state
         gradient = jax.grad(loss)(moves)
-        updates, memory = optimizer.update(gradient, memory)
+        # Adam's bias correction takes a power of a float by an integer.
+        with jax.numpy_dtype_promotion("standard"):
+            updates, memory = optimizer.update(gradient, memory)
         return (jax.tree.map(jnp.add, moves, updates), memory), None
 
     (moves, _), _ = jax.lax.scan(

@@ -55,7 +55,7 @@ class PhotoMaps(eqx.Module):
 def photo_maps(
     views: Sequence[View],
     maps: Sequence[OrientationMap],
-    depths: Sequence[Float[np.ndarray, "height width"]],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
 ) -> PhotoMaps:
     """Return the photographs' maps for the losses."""
     height = max(v.camera.height for v in views) // SHRINK
@@ -89,7 +89,7 @@ def photo_maps(
 def seen_segments(
     strands: Float[np.ndarray, "strands knots 3"],
     views: Sequence[View],
-    depths: Sequence[Float[np.ndarray, "height width"]],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
 ) -> Bool[np.ndarray, "views strands segments"]:
     """Return which segments' middles each photograph sees."""
     middle = (0.5 * (strands[:, 1:] + strands[:, :-1])).reshape(-1, 3)
@@ -113,7 +113,7 @@ def image_loss(
         found, visible = view
         angle, weight, beyond, open_sight = _compare(strands, visible, found)
         total = jnp.stack(
-            [jnp.sum(angle), jnp.sum(weight), jnp.sum(beyond), jnp.sum(open_sight)]
+            [jnp.sum(angle), jnp.sum(weight), jnp.sum(beyond), open_sight]
         )
         return carry + total, None
 
@@ -141,36 +141,37 @@ def _compare(strands, visible, found: PhotoMaps):
     sine = 2 * along[..., 0] * along[..., 1] / square
     agreement = cosine * doubled[..., 0] + sine * doubled[..., 1]
     # A strand that points at the camera shows no direction.
-    weight = visible * inside * square / (square + 1.0)
+    weight = jnp.where(visible & inside, square / (square + 1.0), 0.0)
     off = jnp.sqrt(jnp.maximum(0.5 * (confidence - agreement) * confidence, 0.0) + 1e-6)
-    angle = weight * off / SIGMA_ANGLE
+    angle = weight * (off - 1e-3) / SIGMA_ANGLE
     distance = _bilinear(found.outside, middle)
     middle_depth = 0.5 * (depth[:, 1:] + depth[:, :-1])
     in_front = (middle_depth > 0) & (middle_depth < found.head[index]) & inside
     metres = jnp.minimum(distance * middle_depth / found.focal, FARTHEST)
     beyond = jnp.where(in_front, jnp.maximum(metres - 1e-3, 0.0) / SIGMA_OUTSIDE, 0.0)
-    return angle, weight * confidence, beyond, in_front
+    return angle, weight * confidence, beyond, jnp.sum(in_front, dtype=angle.dtype)
 
 
 def _pixel_index(pixel, width: int, height: int):
     """Return the row and column of each pixel position, and whether it is inside."""
-    size = jnp.array([width, height], pixel.dtype)
-    inside = jnp.all((pixel >= 0) & (pixel < size), axis=-1)
-    limit = jnp.array([width - 1, height - 1])
-    at = jnp.clip(jax.lax.stop_gradient(pixel).astype(jnp.int32), 0, limit)
-    return (at[..., 1], at[..., 0]), inside
+    x, y = pixel[..., 0], pixel[..., 1]
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    at = jnp.floor(jax.lax.stop_gradient(pixel)).astype(jnp.int32)
+    row = jnp.clip(at[..., 1], 0, height - 1)
+    return (row, jnp.clip(at[..., 0], 0, width - 1)), inside
 
 
 def _bilinear(image: Float[Array, "height width"], pixel: Float[Array, "*batch 2"]):
     """Return an image between its pixels' centres, with gradients by the position."""
     height, width = image.shape
-    at = jnp.clip(pixel - 0.5, 0.0, jnp.array([width - 1.001, height - 1.001]))
-    low = jnp.floor(jax.lax.stop_gradient(at)).astype(jnp.int32)
-    share = at - low.astype(at.dtype)
-    x, y = low[..., 0], low[..., 1]
-    upper = image[y, x] * (1 - share[..., 0]) + image[y, x + 1] * share[..., 0]
-    lower = image[y + 1, x] * (1 - share[..., 0]) + image[y + 1, x + 1] * share[..., 0]
-    return upper * (1 - share[..., 1]) + lower * share[..., 1]
+    at_x = jnp.clip(pixel[..., 0] - 0.5, 0.0, width - 1.001)
+    at_y = jnp.clip(pixel[..., 1] - 0.5, 0.0, height - 1.001)
+    x = jnp.floor(jax.lax.stop_gradient(at_x)).astype(jnp.int32)
+    y = jnp.floor(jax.lax.stop_gradient(at_y)).astype(jnp.int32)
+    right, down = at_x - x.astype(at_x.dtype), at_y - y.astype(at_y.dtype)
+    upper = image[y, x] * (1 - right) + image[y, x + 1] * right
+    lower = image[y + 1, x] * (1 - right) + image[y + 1, x + 1] * right
+    return upper * (1 - down) + lower * down
 
 
 class Pulls(eqx.Module):
@@ -192,7 +193,7 @@ class Pulls(eqx.Module):
 def find_pulls(
     strands: Float[np.ndarray, "strands knots 3"],
     views: Sequence[View],
-    depths: Sequence[Float[np.ndarray, "height width"]],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
     seed: int,
 ) -> Pulls:
     """Return what draws strands to hair that they leave bare."""
@@ -219,7 +220,7 @@ def find_pulls(
         strand.append(index // knots)
         point.append(index % knots)
         pixel.append(np.pad(chosen[bare], ((0, spare), (0, 0))) / SHRINK)
-        share.append(np.pad(np.full(len(bare), 1.0 / len(chosen)), (0, spare)))
+        share.append(np.pad(np.full(len(bare), 1.0 / max(len(chosen), 1)), (0, spare)))
     return Pulls(
         jnp.asarray(np.stack(strand), jnp.int32),
         jnp.asarray(np.stack(point), jnp.int32),

@@ -20,7 +20,14 @@ def scalp():
     return make_scalp(make_head())
 
 
-@pytest.fixture(scope="module", params=STYLES)
+QUICK = ("straight", "wavy")
+PARAMS = [
+    name if name in QUICK else pytest.param(name, marks=pytest.mark.slow)
+    for name in STYLES
+]
+
+
+@pytest.fixture(scope="module", params=PARAMS)
 def style(request, scalp):
     tree = make_style(request.param, 0, scalp)
     return request.param, tree, scene_strands(tree, SCENE)

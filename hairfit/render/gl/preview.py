@@ -132,8 +132,9 @@ def open_context() -> Any:
         return moderngl.create_standalone_context(**options)
     except Exception as error:  # the type is each driver's own
         raise NoContextError(
-            f"no OpenGL context without a window could be made ({error}); install "
-            "Mesa's EGL (`apt-get install libegl1 libgl1-mesa-dri` on Debian or Ubuntu)."
+            f"no OpenGL context without a window could be made ({error}); "
+            "install Mesa's EGL (on Debian or Ubuntu: `apt-get install libegl1 "
+            "libgl1-mesa-dri`)."
         ) from error
 
 

@@ -1,0 +1,195 @@
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from ball_hair import dome
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hairfit.fit.cluster import Layout, lay_clusters
+from hairfit.fit.cylinders import (
+    Members,
+    fit_cylinders,
+    split_map,
+)
+from hairfit.fit.cylinders import _closed_form as closed_form
+from hairfit.model import (
+    HairTree,
+    ScalpContour,
+    find_owner,
+    grow_strands,
+    plant,
+    sample_roots,
+    scalp_point,
+    scalp_tangents,
+)
+
+KNOTS = 10
+entry = st.floats(-3.0, 3.0)
+
+
+def known_tree(bend=0.008):
+    """Return root clusters that bend, narrow, widen, twist and shear."""
+    scalp = dome()
+    centre = [[0.3, 0.3], [0.7, 0.35], [0.5, 0.7]]
+    contour = jax.vmap(ScalpContour)(
+        jnp.array(centre), jnp.array([0.12, 0.1, 0.14]), jnp.zeros((3, 32))
+    )
+    planted = jax.vmap(lambda c: plant(scalp, c, 0.12, KNOTS))(contour)
+    t = np.linspace(0.0, 1.0, KNOTS)
+    rng = np.random.default_rng(0)
+    side = np.cumsum(bend * rng.normal(size=(3, KNOTS, 3)) * t[None, :, None], axis=1)
+    droop = -0.1 * t[:, None] ** 2 * np.array([0.0, 1.0, 0.0])
+    scale = np.stack([1 - 0.4 * t, 1 + 0.3 * t], axis=1)
+    cylinder = eqx.tree_at(
+        lambda c: (c.skeleton, c.radius, c.offset, c.scale, c.twist, c.shear),
+        planted,
+        (
+            planted.skeleton + jnp.asarray(side + droop),
+            # As a fit has it: linear in scalp space, unlike the patch itself.
+            jnp.tile((contour.radius * metric(scalp, contour))[:, None], (1, KNOTS)),
+            jnp.zeros_like(planted.offset),
+            planted.scale * scale[None],
+            planted.twist + jnp.asarray(0.6 * t)[None],
+            planted.shear + jnp.asarray(0.2 * t)[None],
+        ),
+    )
+    return HairTree(scalp, contour, cylinder, jnp.zeros(3), (-1, -1, -1))
+
+
+def metric(scalp, contour):
+    tangents = jax.vmap(scalp_tangents, (None, 0))(scalp, contour.centre)
+    area = jnp.linalg.norm(jnp.cross(tangents.u, tangents.v), axis=1)
+    return jnp.sqrt(area)
+
+
+def planted_layout(tree, owner):
+    """Return what `lay_clusters` knows of a tree: its contours, and straight stubs."""
+    stub = jax.vmap(lambda c: plant(tree.scalp, c, 0.01, KNOTS))(tree.contour)
+    straight = eqx.tree_at(lambda t: t.cylinder, tree, stub)
+    found = np.asarray(metric(tree.scalp, tree.contour))
+    return Layout(straight, found, np.asarray(owner))
+
+
+def members_of(uv, owner, strands):
+    return Members(
+        jnp.asarray(uv),
+        jnp.asarray(owner, jnp.int32),
+        jnp.asarray(strands),
+        jnp.ones(len(owner)),
+    )
+
+
+@pytest.fixture(scope="module")
+def known():
+    """Return a tree and strands that grow from it."""
+    tree = known_tree()
+    uv = np.asarray(sample_roots(tree.scalp, 900, jax.random.key(1)))
+    owner = np.asarray(find_owner(tree, uv))
+    uv, owner = uv[owner >= 0], owner[owner >= 0]
+    assert np.bincount(owner).min() > 15
+    ones = jnp.ones(len(uv))
+    strands = grow_strands(tree, jnp.asarray(uv), jnp.asarray(owner), ones, KNOTS)
+    return tree, uv, owner, np.asarray(strands)
+
+
+def regrown(tree, uv, owner):
+    whole = jnp.ones(len(uv))
+    return np.asarray(
+        grow_strands(tree, jnp.asarray(uv), jnp.asarray(owner), whole, KNOTS)
+    )
+
+
+def test_strands_of_a_known_tree_are_recovered(known):
+    tree, uv, owner, strands = known
+    fitted = fit_cylinders(planted_layout(tree, owner), members_of(uv, owner, strands))
+    apart = np.linalg.norm(regrown(fitted.tree, uv, owner) - strands, axis=2)
+    assert np.median(apart) < 0.0003
+    assert fitted.error < 0.0003
+    assert np.isclose(fitted.error, np.median(apart[:, 1:]), atol=1e-4)
+
+
+def test_strands_between_the_given_ones_are_recovered_as_well(known):
+    tree, uv, owner, strands = known
+    given = np.resize(np.arange(0, len(uv), 2), len(uv))  # half of them, twice
+    fitted = fit_cylinders(
+        planted_layout(tree, owner),
+        members_of(uv[given], owner[given], strands[given]),
+    )
+    apart = np.linalg.norm(regrown(fitted.tree, uv, owner) - strands, axis=2)
+    assert np.median(apart[1::2]) < 0.0003
+
+
+def test_what_is_not_fitted_is_the_layouts(known):
+    tree, uv, owner, strands = known
+    layout = planted_layout(tree, owner)
+    fitted = fit_cylinders(layout, members_of(uv, owner, strands))
+    assert fitted.tree.parent == layout.tree.parent
+    for name in ("centre", "radius", "offset"):
+        mine, given = (getattr(t.contour, name) for t in (fitted.tree, layout.tree))
+        assert np.array_equal(mine, given)
+    assert fitted.result
+
+
+def test_a_strand_that_runs_elsewhere_does_not_move_its_cluster(known):
+    tree, uv, owner, strands = known
+    layout = planted_layout(tree, owner)
+    clean = fit_cylinders(layout, members_of(uv, owner, strands)).tree
+    stray = strands.copy()
+    outlier = np.flatnonzero(owner == 1)[3]
+    t = np.linspace(0.0, 1.0, KNOTS)[:, None]
+    stray[outlier] += 0.08 * t * np.array([1.0, 0.5, 0.0])
+    found = fit_cylinders(layout, members_of(uv, owner, stray)).tree
+    rest = np.arange(len(uv)) != outlier
+    moved = regrown(found, uv, owner) - regrown(clean, uv, owner)
+    assert np.linalg.norm(moved[rest], axis=2).max() < 0.0005
+    mean = np.abs(strands[owner == 1].mean(0) - stray[owner == 1].mean(0)).max()
+    assert mean > 0.001  # a plain mean would have moved
+
+
+def test_a_cluster_of_one_strand_follows_it_and_keeps_the_thickness_of_its_root():
+    scalp = dome()
+    uv = np.array([[0.5, 0.5]])
+    root = np.asarray(scalp_point(scalp, jnp.asarray(uv[0])))
+    t = np.linspace(0.0, 1.0, KNOTS)[:, None]
+    strand = (root + t * [0.0, 0.08, 0.0] + t**2 * [0.06, -0.05, 0.0])[None]
+    layout = lay_clusters(scalp, uv, strand, roots=1, leaves=1, seed=0)
+    strands = np.concatenate([strand, strand])
+    members = members_of(np.concatenate([uv, uv]), [0, 1], strands)
+    found = closed_form(layout, members)
+    assert np.allclose(found.skeleton, strands, atol=1e-6)
+    size = np.abs(found.scale * found.radius[..., None])
+    assert np.allclose(size, size[:, :1], rtol=1e-6)
+
+
+def composed(scale, twist, shear):
+    """Return the linear map of a cross-section: first twist, then scale and shear."""
+    cos, sin = np.cos(twist), np.sin(twist)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    return np.array([[scale[0], shear], [0.0, scale[1]]]) @ turn
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.tuples(entry, entry, entry, entry))
+def test_scale_twist_and_shear_make_up_any_linear_map(entries):
+    given_map = np.array(entries).reshape(1, 2, 2)
+    scale, twist, shear = split_map(given_map)
+    found = composed(scale[0], twist[0], shear[0])
+    assert np.allclose(found, given_map[0], atol=1e-9)
+
+
+def test_a_mirroring_map_has_one_negative_scale():
+    mirror = np.array([[[1.0, 0.3], [0.2, -1.0]]])
+    scale, _, _ = split_map(mirror)
+    assert scale[0, 0] * scale[0, 1] < 0
+    assert np.isclose(scale[0, 0] * scale[0, 1], np.linalg.det(mirror[0]))
+
+
+def test_twist_goes_on_beyond_half_a_turn():
+    angle = np.linspace(0.0, 4 * np.pi, 30)
+    maps = np.stack([composed((1.2, 0.8), a, 0.1) for a in angle])
+    scale, twist, shear = split_map(maps)
+    assert np.allclose(np.diff(twist), np.diff(angle), atol=1e-9)
+    for k in range(30):
+        assert np.allclose(composed(scale[k], twist[k], shear[k]), maps[k], atol=1e-9)

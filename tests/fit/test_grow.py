@@ -1,0 +1,139 @@
+import numpy as np
+import pytest
+from ball_hair import RADIUS, hull_where, meridian
+
+from hairfit.fit.evidence import Field
+from hairfit.fit.grow import GrowConfig, grow, resample_paths
+
+CONFIG = GrowConfig()
+SPACING = 0.004
+
+
+def tube(radius=0.03, length=0.2):
+    """Return a hull around the y axis that reaches from 0 down to `-length`."""
+
+    def inside(p):
+        return (np.hypot(p[:, 0], p[:, 2]) < radius) & (p[:, 1] > -length)
+
+    side = radius + 0.02
+    return hull_where(
+        inside, [-side, -length - 0.02, -side], [side, 0.0, side], SPACING
+    )
+
+
+def constant(hull, direction, seed=None):
+    """Return a field of one direction, its signs at random."""
+    unit = np.asarray(direction, float) / np.linalg.norm(direction)
+    everywhere = np.tile(unit, (*hull.grid.shape, 1))
+    if seed is not None:
+        signs = np.random.default_rng(seed).choice([-1.0, 1.0], hull.grid.shape)
+        everywhere = everywhere * signs[..., None]
+    return Field(everywhere, np.ones(hull.grid.shape))
+
+
+DOWN = np.tile([0.0, -1.0, 0.0], (5, 1))
+ROOTS = np.array(
+    [[0, -0.01, 0], [0.02, -0.01, 0], [0, -0.02, 0.02], [-0.02, 0, 0], [0, 0, -0.02]],
+    float,
+)
+
+
+def lengths(strands):
+    return np.linalg.norm(np.diff(strands, axis=1), axis=2).sum(axis=1)
+
+
+def test_in_a_constant_field_strands_run_straight_to_the_end_of_the_hull():
+    hull = tube()
+    strands = grow(hull, constant(hull, [0, 1, 0]), ROOTS, DOWN, 20)
+    assert np.allclose(strands[:, 0], ROOTS, atol=1e-9)
+    assert np.abs(strands[:, :, [0, 2]] - ROOTS[:, None, [0, 2]]).max() < 1e-5
+    expected = 0.2 + ROOTS[:, 1]
+    assert np.abs(lengths(strands) - expected).max() < 2 * CONFIG.step + CONFIG.slide
+
+
+def test_the_sign_of_the_field_does_not_matter():
+    hull = tube()
+    plain, mixed = (constant(hull, [0.1, 1, 0], seed) for seed in (None, 3))
+    one, other = (grow(hull, field, ROOTS, DOWN, 20) for field in (plain, mixed))
+    assert np.allclose(one, other, atol=1e-5)
+
+
+def test_strands_leave_the_scalp_along_its_normal():
+    # The same field, and normals the other way: strands climb.
+    hull = tube()
+    roots = ROOTS - [0.0, 0.1, 0.0]
+    up = grow(hull, constant(hull, [0, 1, 0]), roots, -DOWN, 10)
+    assert (up[:, -1, 1] > -0.02).all()
+
+
+def test_strands_slide_along_the_hull_where_they_leave_it_at_a_low_angle():
+    hull = tube()
+    field = constant(hull, [np.sin(0.3), -np.cos(0.3), 0.0])
+    strands = grow(hull, field, ROOTS, DOWN, 40)
+    assert np.hypot(strands[..., 0], strands[..., 2]).max() < 0.03 + 0.002 + SPACING
+    assert (strands[:, -1, 1] < -0.19).all()
+
+
+def test_strands_end_where_they_leave_the_hull_steeply():
+    hull = tube()
+    level = np.tile([1.0, 0.0, 0.0], (5, 1))
+    roots = ROOTS * [0.5, 1.0, 0.5] - [0.0, 0.1, 0.0]
+    strands = grow(hull, constant(hull, [1, 0, 0]), roots, level, 20)
+    border = np.sqrt(0.03**2 - roots[:, 2] ** 2)
+    assert np.abs(strands[:, -1, 0] - border).max() < 2 * CONFIG.step + CONFIG.slide
+
+
+def test_no_strand_is_longer_than_the_longest():
+    hull = tube()
+    config = GrowConfig(longest=0.06)
+    strands = grow(hull, constant(hull, [0, 1, 0]), ROOTS, DOWN, 20, config)
+    # The path starts at the root, then above the skin.
+    assert (lengths(strands) < 0.06 + config.clearance + 1e-6).all()
+    assert (lengths(strands) > 0.055).all()
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 1.0, 4.0])
+def test_strands_that_come_back_to_the_head_do_not_enter_it(azimuth):
+    hull = hull_where(
+        lambda p: (np.linalg.norm(p, axis=1) < 0.13)
+        & (np.linalg.norm(p, axis=1) > RADIUS - 0.001),
+        [-0.14] * 3,
+        [0.14] * 3,
+        0.005,
+        head=lambda p: np.linalg.norm(p, axis=1) - RADIUS,
+    )
+    # Circles about an axis that touches the skin: they leave the head and come back.
+    axis = np.array([np.sin(azimuth), 0.0, np.cos(azimuth)])
+    points = hull.grid.centres(np.ones(hull.grid.shape, bool)) - RADIUS * axis
+    up = np.array([0.0, 1.0, 0.0])
+    circle = np.cross(points, np.cross(axis, up))
+    circle /= np.maximum(np.linalg.norm(circle, axis=1, keepdims=True), 1e-9)
+    shape = hull.grid.shape
+    field = Field(circle.reshape(*shape, 3), np.ones(shape))
+    rng = np.random.default_rng(0)
+    roots = meridian(rng.uniform(0.9, 1.3, 60), azimuth + rng.uniform(-0.1, 0.1, 60))
+    normals = roots / RADIUS
+    strands = grow(hull, field, roots, normals, 60)
+    away = np.linalg.norm(strands, axis=2)
+    back = (away.max(axis=1) > RADIUS + 0.01) & (away[:, -1] < RADIUS + 0.005)
+    assert back.mean() > 0.5
+    assert away[:, 1:].min() > RADIUS - 0.0005
+
+
+def test_polylines_are_resampled_as_interpolation_along_them():
+    rng = np.random.default_rng(4)
+    paths = rng.normal(size=(20, 30, 3)).cumsum(axis=1)
+    paths[3, 7:] = paths[3, 7]  # a strand that ended
+    paths[5, 10:13] = paths[5, 10]  # one that stood still for a while
+    found = resample_paths(paths, 17)
+    for path, points in zip(paths, found, strict=True):
+        steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        along = np.concatenate([[0.0], np.cumsum(steps)])
+        at = np.linspace(0.0, along[-1], 17)
+        expected = [np.interp(at, along, path[:, k]) for k in range(3)]
+        assert np.allclose(points, np.stack(expected, axis=1), atol=1e-9)
+
+
+def test_a_strand_that_did_not_grow_stays_at_its_root():
+    paths = np.broadcast_to(np.array([1.0, 2.0, 3.0]), (2, 6, 3))
+    assert np.allclose(resample_paths(paths, 4), [1.0, 2.0, 3.0], atol=1e-12)

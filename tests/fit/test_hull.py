@@ -1,0 +1,191 @@
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from ball_hair import (
+    RADIUS,
+    ball,
+    camera_at,
+    hull_where,
+    ring,
+    sphere_depth,
+    view_of,
+)
+from scipy.spatial import KDTree
+
+from hairfit.capture.distance import signed_distance
+from hairfit.errors import InputError
+from hairfit.fit.hull import MASK_MARGIN, carve, first_hit
+from hairfit.render import Camera, mesh_depth
+
+HAIR, SPACING = 0.11, 0.008  # a ball of hair around the head
+
+
+def shots(cameras, radius=HAIR):
+    """Return views of a ball of hair, as masks from the closed form."""
+    return [
+        view_of(c, np.isfinite(sphere_depth(c, radius)), f"{k:02d}")
+        for k, c in enumerate(cameras)
+    ]
+
+
+@pytest.fixture(autouse=True)
+def small_room(monkeypatch):
+    """Search no farther than there is something here."""
+    monkeypatch.setattr("hairfit.fit.hull.REACH", 0.2)
+
+
+@pytest.fixture(scope="module")
+def head():
+    return ball()
+
+
+@pytest.fixture(scope="module")
+def cameras():
+    return ring(8)
+
+
+@pytest.fixture(scope="module")
+def depths(head, cameras):
+    return [mesh_depth(head, camera) for camera in cameras]
+
+
+@pytest.fixture
+def hull(head, cameras, depths):
+    return carve(shots(cameras), depths, head, SPACING)
+
+
+def nearest_hair(camera, hair, point):
+    """Return the distance in pixels from where a point lands to a pixel of hair."""
+    pixel, _ = camera.project(jnp.asarray(point))
+    rows, columns = np.nonzero(hair)
+    there = np.floor(np.asarray(pixel)).astype(int)
+    return np.max(np.abs(np.stack([columns, rows], 1) - there), axis=1).min()
+
+
+def witnesses(points, cameras):
+    """Count the cameras that see each point before the head, in closed form."""
+    count = np.zeros(len(points), int)
+    for camera in cameras:
+        away = np.asarray(camera.centre) - points
+        along = np.clip(-(points * away).sum(1) / (away**2).sum(1), 0, 1)
+        nearest = np.linalg.norm(points + along[:, None] * away, axis=1)
+        count += nearest > RADIUS
+    return count
+
+
+def test_the_hull_contains_the_hair_that_a_quarter_of_the_views_see(hull, cameras):
+    points = hull.grid.centres(np.ones(hull.grid.shape, bool))
+    away = np.linalg.norm(points, axis=1)
+    hair = (away < HAIR) & (away > RADIUS + 0.001)
+    seen = witnesses(1.02 * points, cameras) >= 3
+    assert (hair & seen).sum() > 5000
+    assert hull.hair.ravel()[hair & seen].all()
+
+
+def test_the_hull_leaves_out_what_a_view_sees_as_background(hull, cameras):
+    views = shots(cameras)
+    points = hull.grid.centres(hull.hair)
+    rng = np.random.default_rng(0)
+    for point in points[rng.choice(len(points), 60, replace=False)]:
+        for view in views:
+            # The head's silhouette lies within the hair's: hidden is no excuse.
+            assert nearest_hair(view.camera, view.hair, point) <= MASK_MARGIN
+
+
+def test_the_hull_is_outside_the_head(hull, head):
+    assert (signed_distance(head, hull.grid.centres(hull.hair)) > -0.001).all()
+
+
+def test_distances_are_signed_and_to_the_border(hull, head):
+    assert (hull.distance[hull.hair] < 0).all()
+    assert (hull.distance[~hull.hair] > 0).all()
+    outside = hull.grid.centres(~hull.hair)
+    apart, _ = KDTree(hull.grid.centres(hull.hair)).query(outside)
+    expected = apart - 0.5 * hull.grid.spacing
+    assert np.allclose(hull.distance[~hull.hair], expected, atol=1e-9)
+    near = np.abs(hull.distance) < 2 * SPACING
+    exact = signed_distance(head, hull.grid.centres(near))
+    assert np.allclose(hull.head[near], exact, atol=1e-9)
+
+
+def test_a_picture_that_does_not_contain_the_hair_does_not_carve(head, cameras):
+    six = ring(6)
+    depths = [mesh_depth(head, camera) for camera in six]
+    aside = camera_at([0.0, 0.1, 0.6], target=[5.0, 0.1, 0.6])
+    nothing = view_of(aside, np.zeros((aside.height, aside.width), bool), "aside")
+    before = carve(shots(six), depths, head, SPACING)
+    after = carve(
+        [*shots(six), nothing], [*depths, mesh_depth(head, aside)], head, SPACING
+    )
+    one, other = (hull.grid.centres(hull.hair) for hull in (before, after))
+    assert np.allclose(one, other, atol=1e-12)
+
+
+def test_two_of_eight_views_must_see_hair_not_the_head_before_it(cameras, head):
+    views = shots(cameras)
+    hidden = np.zeros_like(views[0].hair, float)
+    open_sight = np.full_like(hidden, np.inf)
+    with pytest.raises(InputError, match="no place in space lies inside all hair"):
+        carve(views, [open_sight] + [hidden] * 7, head, SPACING)
+    hull = carve(views, [open_sight, hidden, open_sight] + [hidden] * 5, head, SPACING)
+    assert hull.hair.any()
+
+
+def test_masks_that_contradict_each_other_are_refused(head, cameras, depths):
+    views = shots(cameras)
+    left = np.zeros_like(views[0].hair)
+    left[:5, :5] = True
+    views[3] = dataclasses.replace(views[3], hair=left)
+    free = [np.full_like(depth, np.inf) for depth in depths]
+    with pytest.raises(InputError, match="inside all hair masks|leave no room"):
+        carve(views, free, head, SPACING)
+
+
+def test_hair_that_lies_in_the_head_is_refused(head, cameras, depths):
+    free = [np.full_like(depth, np.inf) for depth in depths]
+    with pytest.raises(InputError, match="leave no room for hair outside the head"):
+        carve(shots(cameras, 0.05), free, head, SPACING)
+
+
+def test_the_grid_is_made_coarser_where_memory_asks_for_it(
+    head, cameras, depths, monkeypatch
+):
+    monkeypatch.setattr("hairfit.fit.hull.MOST_VOXELS", 2000)
+    hull = carve(shots(cameras), depths, head, SPACING)
+    assert hull.hair.sum() <= 2000
+    assert hull.grid.spacing > SPACING
+
+
+def test_first_hits_are_where_rays_meet_a_ball():
+    spacing, radius = 0.004, 0.1
+    camera = camera_at([0.2, 0.1, 0.5])
+    hull = hull_where(
+        lambda p: np.linalg.norm(p, axis=1) < radius, [-0.12] * 3, [0.12] * 3, spacing
+    )
+    hair = np.isfinite(sphere_depth(camera, radius))
+    found = first_hit(hull, view_of(camera, hair), step=1)
+    assert np.array_equal(np.isfinite(found) & ~hair, np.zeros_like(hair))
+    # Rays that graze the ball meet the voxels' corners.
+    facing = np.isfinite(sphere_depth(camera, 0.7 * radius))
+    error = found[facing] - sphere_depth(camera, radius)[facing]
+    assert np.abs(error).max() < 2 * spacing
+    assert np.abs(np.median(error)) < 0.7 * spacing
+
+
+def test_first_hits_of_blocks_are_those_of_their_middles():
+    camera = camera_at([0.0, 0.0, 0.5])
+    hull = hull_where(
+        lambda p: np.linalg.norm(p, axis=1) < 0.1, [-0.12] * 3, [0.12] * 3, 0.006
+    )
+    shrink = jnp.diag(jnp.array([0.5, 0.5, 1.0]))
+    half = Camera(shrink @ camera.K, camera.cam_from_world, 64, 64)
+    hair = np.zeros((camera.height, camera.width), bool)
+    hair[50:70, 40:60] = True
+    hair[20, 31] = True
+    found = first_hit(hull, view_of(camera, hair), step=2)
+    small = hair.reshape(64, 2, 64, 2).any(axis=(1, 3))
+    expected = first_hit(hull, view_of(half, small), step=1)
+    assert np.allclose(found, expected, atol=1e-9)
+    assert np.isinf(found[~small]).all()

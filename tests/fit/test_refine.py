@@ -1,0 +1,224 @@
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from ball_hair import RADIUS, ball, dome, hull_where, photograph, ring
+from jax.test_util import check_grads
+
+from hairfit.fit.refine import (
+    Moves,
+    Problem,
+    RefineConfig,
+    Samples,
+    carry,
+    moved,
+    refine,
+)
+from hairfit.fit.residuals import head_field, photo_maps
+from hairfit.model import (
+    HairTree,
+    ScalpContour,
+    cluster,
+    find_owner,
+    grow_strands,
+    plant,
+    sample_roots,
+)
+
+KNOTS, POINTS, STRANDS = 8, 12, 1500
+CENTRES = [[0.35, 0.4], [0.65, 0.6], [0.3, 0.4], [0.42, 0.4], [0.6, 0.6], [0.7, 0.6]]
+PARENT = (-1, -1, 0, 0, 1, 1)
+
+
+@pytest.fixture(scope="module")
+def tree():
+    """Two root clusters of two leaves each; they rise and bow outwards."""
+    scalp = dome()
+    count = len(PARENT)
+    contour = jax.vmap(ScalpContour)(
+        jnp.array(CENTRES),
+        jnp.array([0.25, 0.25, 0.15, 0.15, 0.15, 0.15]),
+        jnp.zeros((count, 32)),
+    )
+    planted = jax.vmap(lambda c: plant(scalp, c, 0.1, KNOTS))(contour)
+    t = jnp.linspace(0.0, 1.0, KNOTS)[None, :, None]
+    outward = planted.skeleton[:, :1] * jnp.array([[[1.0, 0.0, 1.0]]])
+    bow = 0.6 * t**2 * outward - 0.04 * t**2 * jnp.array([[[0.0, 1.0, 0.0]]])
+    cylinder = eqx.tree_at(lambda c: c.skeleton, planted, planted.skeleton + bow)
+    return HairTree(scalp, contour, cylinder, jnp.zeros(count), PARENT)
+
+
+def single(tree):
+    return jax.tree.map(lambda x: x.astype(jnp.float32), tree)
+
+
+def rotation(axis, angle):
+    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def test_a_child_of_a_parent_that_did_not_change_does_not_either(tree):
+    parent, child = cluster(tree.cylinder, 0), cluster(tree.cylinder, 2)
+    found = carry(parent, parent, child.skeleton)
+    assert np.allclose(found, child.skeleton, atol=1e-15)
+
+
+def test_a_child_goes_with_a_parent_that_moves_as_a_rigid_body(tree):
+    parent, child = cluster(tree.cylinder, 0), cluster(tree.cylinder, 3)
+    turn = jnp.asarray(rotation([1.0, 2.0, -0.5], 1.1))
+    shift = jnp.array([0.02, -0.03, 0.05])
+    after = eqx.tree_at(
+        lambda c: (c.skeleton, c.normal),
+        parent,
+        (parent.skeleton @ turn.T + shift[None], turn @ parent.normal),
+    )
+    found = carry(parent, after, child.skeleton)
+    assert np.allclose(found, child.skeleton @ turn.T + shift[None], atol=1e-12)
+
+
+def test_a_child_turns_with_its_parents_twist(tree):
+    parent, child = cluster(tree.cylinder, 0), cluster(tree.cylinder, 2)
+    angle = 0.7
+    after = eqx.tree_at(lambda c: c.twist, parent, parent.twist + angle)
+    found = carry(parent, after, child.skeleton)
+    for k in range(KNOTS):
+        before_k = np.asarray(child.skeleton[k] - parent.skeleton[k])
+        after_k = np.asarray(found[k] - parent.skeleton[k])
+        assert np.isclose(np.linalg.norm(before_k), np.linalg.norm(after_k))
+    # At the root the tangent is the chord: the turn is about it.
+    tangent = parent.skeleton[1] - parent.skeleton[0]
+    first = np.asarray(child.skeleton[0] - parent.skeleton[0])
+    expected = rotation(tangent, angle) @ first
+    assert np.allclose(found[0] - parent.skeleton[0], expected, atol=1e-12)
+
+
+def test_the_gradient_through_a_parent_is_right(tree):
+    parent, child = cluster(tree.cylinder, 0), cluster(tree.cylinder, 2)
+
+    def carried(skeleton, twist):
+        after = eqx.tree_at(lambda c: (c.skeleton, c.twist), parent, (skeleton, twist))
+        return carry(parent, after, child.skeleton)
+
+    arguments = parent.skeleton, parent.twist
+    check_grads(
+        jax.jit(carried), arguments, order=1, modes=["rev"], eps=1e-7, rtol=1e-4
+    )
+
+
+def problem_of(tree, samples, maps, head):
+    parent = np.asarray(tree.parent)
+    return Problem(
+        tree,
+        jnp.asarray(np.maximum(parent, 0), jnp.int32),
+        jnp.asarray(parent >= 0, jnp.int32),
+        samples,
+        maps,
+        head,
+    )
+
+
+def no_moves(tree):
+    c = tree.cylinder
+    return Moves(*(jnp.zeros_like(x) for x in (c.skeleton, c.scale, c.twist, c.shear)))
+
+
+@pytest.fixture(scope="module")
+def scene(tree):
+    """Photographs of the tree's hair, and what `refine` takes besides a tree."""
+    uv = sample_roots(tree.scalp, 2 * STRANDS, jax.random.key(2))
+    owner = find_owner(tree, uv)
+    index = np.flatnonzero(np.asarray(owner) >= 0)
+    thick = grow_strands(tree, uv[index], owner[index], jnp.ones(len(index)), 24)
+    taken = photograph(np.asarray(thick), ring(6, finer=4), ball(), radius_px=1.5)
+    held = np.resize(index, STRANDS)
+    samples = Samples(uv[held].astype(jnp.float32), owner[held])
+    hull = hull_where(
+        lambda p: np.linalg.norm(p, axis=1) > RADIUS,
+        [-0.2] * 3,
+        [0.2] * 3,
+        0.01,
+        head=lambda p: np.linalg.norm(p, axis=1) - RADIUS,
+    )
+    maps = photo_maps(taken.views, taken.maps, taken.depths)
+    return taken, samples, maps, head_field(hull)
+
+
+def strands_of(tree, samples):
+    ones = jnp.ones(STRANDS, samples.uv.dtype)
+    return np.asarray(grow_strands(tree, samples.uv, samples.owner, ones, POINTS))
+
+
+def test_moves_of_nothing_change_nothing(tree, scene):
+    _, samples, maps, head = scene
+    tree = single(tree)
+    for level in jnp.arange(2, dtype=jnp.int32):
+        found = moved(problem_of(tree, samples, maps, head), no_moves(tree), level)
+        for mine, given in zip(
+            jax.tree.leaves(found), jax.tree.leaves(tree.cylinder), strict=True
+        ):
+            assert np.allclose(mine, given, atol=1e-7)
+
+
+def test_moves_of_one_level_move_it_and_what_hangs_on_it(tree, scene):
+    _, samples, maps, head = scene
+    tree = single(tree)
+    problem = problem_of(tree, samples, maps, head)
+    shift = jnp.array([0.004, 0.0, -0.002], jnp.float32)
+    moves = no_moves(tree)
+    moves = moves._replace(skeleton=moves.skeleton + shift[None, None])
+    level = jnp.asarray(0, jnp.int32)
+    change = moved(problem, moves, level).skeleton - tree.cylinder.skeleton
+    assert np.allclose(change[:2, 0], 0.0, atol=1e-9)  # roots stay on the scalp
+    for index in (0, 1):
+        assert np.allclose(change[index, 1:], shift[None], atol=1e-6)
+    # Knots far from the roots see a parent that was shifted, and hardly turned.
+    assert np.allclose(change[2:, 4:], shift[None, None], atol=1e-3)
+    only = moved(problem, moves, level + 1).skeleton - tree.cylinder.skeleton
+    assert np.allclose(only[:2], 0.0, atol=1e-9)
+    assert np.allclose(only[2:, 1:], shift[None, None], atol=1e-6)
+
+
+def test_a_displaced_tree_comes_back(tree, scene):
+    taken, samples, maps, head = scene
+    truth = strands_of(single(tree), samples)
+    t = jnp.linspace(0.0, 1.0, KNOTS)[None, :, None]
+    away = 0.01 * t * jnp.array([[[0.0, 1.0, 0.0]]])  # hair that stands too high
+    wrong = eqx.tree_at(
+        lambda x: x.cylinder.skeleton, tree, tree.cylinder.skeleton + away
+    )
+    before = np.linalg.norm(strands_of(single(wrong), samples) - truth, axis=2)
+    shares = []
+    found = refine(
+        single(wrong),
+        samples,
+        taken.views,
+        taken.depths,
+        maps,
+        head,
+        RefineConfig(rounds=2, steps=15, points=POINTS),
+        progress=shares.append,
+    )
+    after = np.linalg.norm(strands_of(found, samples) - truth, axis=2)
+    assert before.mean() > 0.0045
+    assert after.mean() < 0.5 * before.mean()
+    assert np.allclose(shares, [0.25, 0.5, 0.75, 1.0])
+    roots = found.cylinder.skeleton[:2, 0]
+    assert np.allclose(roots, tree.cylinder.skeleton[:2, 0], atol=1e-6)
+
+
+def test_the_true_tree_stays_where_it_is(tree, scene):
+    taken, samples, maps, head = scene
+    truth = strands_of(single(tree), samples)
+    found = refine(
+        single(tree),
+        samples,
+        taken.views,
+        taken.depths,
+        maps,
+        head,
+        RefineConfig(rounds=2, steps=15, points=POINTS),
+    )
+    after = np.linalg.norm(strands_of(found, samples) - truth, axis=2)
+    assert np.median(after) < 0.002
