@@ -200,21 +200,27 @@ class GrowStrands:
     """How many strands."""
     points: int = 32
     """How many points each strand has."""
+    head: Annotated[Path | None, arg(metavar="MESH")] = None
+    """A head: strands that would run under its skin are laid onto it."""
     seed: int = 0
     """The same seed gives the same strands."""
 
     def run(self) -> None:
         """Grow the strands, and write them."""
-        from .report.hairstyles import read_tree, tree_strands
+        from .report.hairstyles import read_tree
 
         at_least_one(self.count, "--count")
         if self.points < 2:
             raise InputError(f"--points must be at least 2, not {self.points}.")
         if self.out.suffix not in (".hair", ".npz"):
             raise InputError(f"'{self.out}' must end with .hair or .npz; rename it.")
+        from .fit import derive_strands
+        from .io.mesh import load_mesh
         from .io.strands import save_strands
 
-        strands = tree_strands(read_tree(self.tree), self.count, self.points, self.seed)
+        head = None if self.head is None else load_mesh(self.head)
+        tree = read_tree(self.tree)
+        strands = derive_strands(tree, head, self.count, self.points, self.seed)
         save_strands(self.out, strands)
         print(f"wrote {strands.count} strands to '{self.out}'")
 

@@ -165,8 +165,16 @@ def derive_strands(
         count: Number of strands.
         points: Number of points of each strand.
         seed: Of the roots.
+
+    Raises:
+        InputError: If the tree's clusters cover nothing of the scalp.
     """
     found = np.array(sample_strands(tree, count, points, jax.random.key(seed)))
+    if not len(found):
+        raise InputError(
+            "no strand grows from the tree: its clusters cover nothing of the scalp; "
+            "fit it again."
+        )
     if head is not None:
         flat = push_out(head, found.reshape(-1, 3).astype(np.float64), SKIN_GAP)
         found = flat.reshape(found.shape)

@@ -2,13 +2,10 @@
 
 from pathlib import Path
 
-import jax
-import numpy as np
-
 from ..errors import InputError
+from ..fit import derive_strands
 from ..io.strands import load_strands
 from ..io.tree import load_tree
-from ..model.strand import sample_strands
 from ..model.tree import HairTree
 from ..types import Strands
 from .result import is_result
@@ -41,19 +38,8 @@ def read_strands(path: Path, *, count: int = 10_000, points: int = 32) -> Strand
         InputError: If there is no hair.
     """
     if path.suffix == ".hairtree":
-        return tree_strands(load_tree(path), count, points, 0)
+        return derive_strands(load_tree(path), None, count, points, 0)
     return load_strands(path)
-
-
-def tree_strands(tree: HairTree, count: int, points: int, seed: int) -> Strands:
-    """Return strands that grow from a tree."""
-    grown = sample_strands(tree, count, points, jax.random.key(seed))
-    if not len(grown):
-        raise InputError(
-            "no strand grows from the tree: its clusters cover nothing of the scalp; "
-            "fit it again."
-        )
-    return Strands.from_array(np.asarray(grown, np.float32))
 
 
 def must_exist(path: Path) -> None:
