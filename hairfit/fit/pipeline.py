@@ -11,19 +11,18 @@ import numpy as np
 from jaxtyping import Float
 
 from ..capture.capture import Capture, View
-from ..capture.distance import push_out
 from ..capture.orientation import OrientationMap, estimate_orientation
 from ..capture.scalp_wrap import SeenHead, wrap_scalp
 from ..errors import InputError
 from ..io.tree import load_tree, save_tree
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp, sample_roots, scalp_normal, scalp_point
-from ..model.strand import sample_strands
 from ..model.tree import HairTree
 from ..types import Mesh, Strands
 from .checkpoint import Checkpoint
 from .cluster import lay_clusters
 from .cylinders import Members, fit_cylinders
+from .derive import derive_strands
 from .evidence import diffuse, gather
 from .grow import GrowConfig, grow
 from .hull import Hull, carve
@@ -37,8 +36,6 @@ Depths = Sequence[Float[np.ndarray, "_height _width"]]
 # Strands shorter than this did not grow: their roots are bare. Metres.
 SHORTEST = 0.008
 FEWEST_GROWN = 50
-# A strand that leaves the tree inside the skin is laid this far above it. Metres.
-SKIN_GAP = 0.0005
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,33 +149,6 @@ def fit_capture(
         "median_length_mm": 1e3 * _median_length(strands),
     }
     return FitResult(tree, strands, figures, maps)
-
-
-def derive_strands(
-    tree: HairTree, head: Mesh | None, count: int, points: int, seed: int
-) -> Strands:
-    """Return strands of a tree, laid onto the skin where they would run under it.
-
-    Args:
-        tree: The tree.
-        head: The head; None leaves the strands as they are.
-        count: Number of strands.
-        points: Number of points of each strand.
-        seed: Of the roots.
-
-    Raises:
-        InputError: If the tree's clusters cover nothing of the scalp.
-    """
-    found = np.array(sample_strands(tree, count, points, jax.random.key(seed)))
-    if not len(found):
-        raise InputError(
-            "no strand grows from the tree: its clusters cover nothing of the scalp; "
-            "fit it again."
-        )
-    if head is not None:
-        flat = push_out(head, found.reshape(-1, 3).astype(np.float64), SKIN_GAP)
-        found = flat.reshape(found.shape)
-    return Strands.from_array(found)
 
 
 def _orientation(

@@ -29,6 +29,7 @@ SHRINK = 2  # the maps are kept at one pixel for 2 by 2
 SIGMA_BARE = 0.001  # metres
 BARE = 0.002  # metres from a strand where hair counts as not covered
 PROBES, PULLS = 4000, 1024  # pixels that are asked in each photograph, and those used
+FINER = 6  # points for one, where a strand covers pixels
 FARTHEST = 0.05  # metres beyond which a sample outside the mask pulls no more
 
 
@@ -198,10 +199,15 @@ def find_pulls(
 ) -> Pulls:
     """Return what draws strands to hair that they leave bare."""
     rng = np.random.default_rng(seed)
-    knots = strands.shape[1]
+    # Between its points a strand covers pixels as well.
+    share_of = np.linspace(0.0, 1.0, FINER, endpoint=False)[None, None, :, None]
+    ahead = strands[:, 1:] - strands[:, :-1]
+    fine = strands[:, :-1, None] + share_of * ahead[:, :, None]
+    fine = np.concatenate([fine.reshape(len(strands), -1, 3), strands[:, -1:]], 1)
+    knots = fine.shape[1]
     strand, point, pixel, share = [], [], [], []
     for view, head_depth in zip(views, depths, strict=True):
-        found = project_points(strands.reshape(-1, 3), view.camera)
+        found = project_points(fine.reshape(-1, 3), view.camera)
         at = np.floor(found.pixel).astype(int)
         at = np.clip(at, 0, [view.camera.width - 1, view.camera.height - 1])
         # Not the roots, which stay, nor what the head hides.
@@ -218,7 +224,7 @@ def find_pulls(
         spare = PULLS - len(bare)
         index = np.pad(usable[nearest[bare]], (0, spare))
         strand.append(index // knots)
-        point.append(index % knots)
+        point.append(np.maximum((index % knots + FINER // 2) // FINER, 1))
         pixel.append(np.pad(chosen[bare], ((0, spare), (0, 0))) / SHRINK)
         share.append(np.pad(np.full(len(bare), 1.0 / max(len(chosen), 1)), (0, spare)))
     return Pulls(

@@ -26,7 +26,7 @@ from hairfit.model import (
     sample_roots,
 )
 
-KNOTS, POINTS, STRANDS = 8, 12, 1500
+KNOTS, POINTS, STRANDS = 8, 12, 800
 CENTRES = [[0.35, 0.4], [0.65, 0.6], [0.3, 0.4], [0.42, 0.4], [0.6, 0.6], [0.7, 0.6]]
 PARENT = (-1, -1, 0, 0, 1, 1)
 
@@ -127,11 +127,11 @@ def no_moves(tree):
 @pytest.fixture(scope="module")
 def scene(tree):
     """Photographs of the tree's hair, and what `refine` takes besides a tree."""
-    uv = sample_roots(tree.scalp, 2 * STRANDS, jax.random.key(2))
+    uv = sample_roots(tree.scalp, 4 * STRANDS, jax.random.key(2))
     owner = find_owner(tree, uv)
     index = np.flatnonzero(np.asarray(owner) >= 0)
     thick = grow_strands(tree, uv[index], owner[index], jnp.ones(len(index)), 24)
-    taken = photograph(np.asarray(thick), ring(6, finer=4), ball(), radius_px=1.5)
+    taken = photograph(np.asarray(thick), ring(5, finer=3), ball(), radius_px=1.5)
     held = np.resize(index, STRANDS)
     samples = Samples(uv[held].astype(jnp.float32), owner[held])
     hull = hull_where(
@@ -180,15 +180,28 @@ def test_moves_of_one_level_move_it_and_what_hangs_on_it(tree, scene):
     assert np.allclose(only[2:, 1:], shift[None, None], atol=1e-6)
 
 
+def off_strand(found, truth):
+    """Return how far points are from the true strands; along them is no error."""
+    start, end = truth[:, None, :-1], truth[:, None, 1:]
+    along, away = end - start, found[:, :, None] - start
+    share = (away * along).sum(-1) / (along**2).sum(-1)
+    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
+    return np.linalg.norm(found[:, :, None] - nearest, axis=-1).min(axis=-1)
+
+
+CONFIG = RefineConfig(rounds=2, steps=15, points=POINTS)
+
+
+@pytest.mark.slow
 def test_a_displaced_tree_comes_back(tree, scene):
     taken, samples, maps, head = scene
     truth = strands_of(single(tree), samples)
     t = jnp.linspace(0.0, 1.0, KNOTS)[None, :, None]
-    away = 0.01 * t * jnp.array([[[0.0, 1.0, 0.0]]])  # hair that stands too high
+    away = t * jnp.array([[[0.007, 0.0, 0.007]]])
     wrong = eqx.tree_at(
         lambda x: x.cylinder.skeleton, tree, tree.cylinder.skeleton + away
     )
-    before = np.linalg.norm(strands_of(single(wrong), samples) - truth, axis=2)
+    before = off_strand(strands_of(single(wrong), samples), truth)
     shares = []
     found = refine(
         single(wrong),
@@ -197,28 +210,23 @@ def test_a_displaced_tree_comes_back(tree, scene):
         taken.depths,
         maps,
         head,
-        RefineConfig(rounds=2, steps=15, points=POINTS),
+        CONFIG,
         progress=shares.append,
     )
-    after = np.linalg.norm(strands_of(found, samples) - truth, axis=2)
-    assert before.mean() > 0.0045
+    after = off_strand(strands_of(found, samples), truth)
+    assert before.mean() > 0.005
     assert after.mean() < 0.5 * before.mean()
     assert np.allclose(shares, [0.25, 0.5, 0.75, 1.0])
     roots = found.cylinder.skeleton[:2, 0]
     assert np.allclose(roots, tree.cylinder.skeleton[:2, 0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_true_tree_stays_where_it_is(tree, scene):
     taken, samples, maps, head = scene
     truth = strands_of(single(tree), samples)
     found = refine(
-        single(tree),
-        samples,
-        taken.views,
-        taken.depths,
-        maps,
-        head,
-        RefineConfig(rounds=2, steps=15, points=POINTS),
+        single(tree), samples, taken.views, taken.depths, maps, head, CONFIG
     )
-    after = np.linalg.norm(strands_of(found, samples) - truth, axis=2)
-    assert np.median(after) < 0.002
+    after = off_strand(strands_of(found, samples), truth)
+    assert after.mean() < 0.001

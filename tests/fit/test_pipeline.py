@@ -1,0 +1,169 @@
+import dataclasses
+
+import jax
+import numpy as np
+import pytest
+
+from hairfit.capture import Capture, load_capture
+from hairfit.capture.distance import signed_distance
+from hairfit.errors import InputError
+from hairfit.fit import FitConfig, derive_strands, fit_capture
+from hairfit.fit.derive import SKIN_GAP
+from hairfit.fit.pipeline import PRESETS, Preset
+from hairfit.fit.refine import RefineConfig
+from hairfit.model import find_owner, leaves, scalp_uv
+from hairfit.synthetic.head import make_head, make_scalp
+from hairfit.synthetic.scene import Scene, write_capture
+from hairfit.synthetic.styles import make_style
+
+CONFIG = FitConfig("draft", seed=3, strands=400)
+COARSE = Preset(0.008, 600, 8, 30, 8, RefineConfig(1, 6, 300, 12))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def draft():
+    """Make a draft as coarse as the pictures are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(PRESETS, "draft", COARSE)
+        yield
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory) -> Capture:
+    """Known straight hair, photographed small."""
+    folder = tmp_path_factory.mktemp("capture") / "straight"
+    head = make_head()
+    tree = make_style("straight", 0, make_scalp(head))
+    write_capture(tree, head, folder, Scene(6, (144, 192), strands=1500, points=24))
+    return load_capture(folder)
+
+
+@pytest.fixture(scope="module")
+def fitted(capture):
+    """What a fit without interruption finds, and what it says on the way."""
+    said = []
+    result = fit_capture(capture, CONFIG, progress=lambda *step: said.append(step))
+    return result, said
+
+
+def bytes_of(result):
+    arrays = [*jax.tree.leaves(result.tree), result.strands.points]
+    return [np.asarray(x).tobytes() for x in arrays], result.tree.parent
+
+
+def strands_of(result):
+    return result.strands.points.reshape(result.strands.count, -1, 3)
+
+
+@pytest.mark.slow
+def test_strands_are_rooted_on_the_scalp_and_run_outside_the_head(fitted, capture):
+    result, _ = fitted
+    points = strands_of(result).astype(np.float64)
+    assert len(points) == CONFIG.strands
+    assert np.abs(signed_distance(capture.head, points[:, 0])).max() < 0.002
+    depth = -signed_distance(capture.head, points.reshape(-1, 3))
+    assert depth.max() < 0.001
+    lengths = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
+    assert 0.1 < np.median(lengths) < 0.4  # the truth has 0.26
+
+
+@pytest.mark.slow
+def test_the_tree_has_two_levels_and_its_figures_are_right(fitted):
+    result, _ = fitted
+    tree, figures = result.tree, result.figures
+    parent = np.asarray(tree.parent)
+    assert figures["root_clusters"] == (parent < 0).sum() <= COARSE.roots
+    assert figures["leaf_clusters"] == (parent >= 0).sum() == len(leaves(tree))
+    assert figures["voxel_mm"] >= 8.0
+    assert figures["grown_strands"] <= COARSE.guides
+    points = strands_of(result)
+    lengths = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
+    assert np.isclose(figures["median_length_mm"], 1e3 * np.median(lengths), rtol=1e-5)
+    assert all(np.isfinite(np.asarray(x)).all() for x in jax.tree.leaves(tree))
+
+
+@pytest.mark.slow
+def test_hair_lies_where_the_photographs_show_it(fitted, capture):
+    from hairfit.render import mesh_depth, rasterise
+
+    result, _ = fitted
+    covered = []
+    for view in capture.views:
+        depth = mesh_depth(capture.head, view.camera)
+        points = strands_of(result).astype(np.float64)
+        drawn = rasterise(points, view.camera, mesh_depth=depth, radius_px=2.0)
+        both = (drawn.coverage & view.hair).sum()
+        covered.append(both / (drawn.coverage | view.hair).sum())
+    assert min(covered) > 0.6
+
+
+@pytest.mark.slow
+def test_progress_only_grows(fitted):
+    _, said = fitted
+    shares = [share for _, share in said]
+    assert (np.diff(shares) >= 0).all()
+    assert shares[0] == 0.0 and 0.9 < shares[-1] <= 1.0
+    assert all(stage for stage, _ in said)
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(fitted, capture):
+    result, _ = fitted
+    assert bytes_of(fit_capture(capture, CONFIG)) == bytes_of(result)
+    other = fit_capture(capture, dataclasses.replace(CONFIG, seed=4))
+    assert bytes_of(other) != bytes_of(result)
+
+
+class Interruption(Exception):
+    pass
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stage", ["carving the hull", "refining the tree"])
+def test_a_fit_that_is_taken_up_gives_the_same_bytes(fitted, capture, tmp_path, stage):
+    result, said = fitted
+
+    def interrupt(current, share):
+        if current == stage:
+            raise Interruption
+
+    with pytest.raises(Interruption):
+        fit_capture(capture, CONFIG, checkpoint=tmp_path, progress=interrupt)
+    kept = {path.name for path in tmp_path.iterdir()}
+    assert {f"orientation-{view.name}.npz" for view in capture.views} <= kept
+    assert ("tree.hairtree" in kept) == (stage == "refining the tree")
+    again = fit_capture(capture, CONFIG, checkpoint=tmp_path)
+    assert bytes_of(again) == bytes_of(result)
+
+
+def test_without_a_head_there_is_no_fit(capture):
+    bald = dataclasses.replace(capture, head=None)
+    with pytest.raises(InputError, match="no `head.obj` in .*put the head's mesh"):
+        fit_capture(bald, CONFIG)
+
+
+def test_strands_of_a_tree_are_laid_onto_the_skin(capture):
+    head = make_head()
+    tree = make_style("straight", 0, make_scalp(head))
+    deep = jax.tree.map(lambda x: x, tree)
+    # A head that is a little larger than the one the hair was made for.
+    larger = dataclasses.replace(head, vertices=1.03 * head.vertices)
+    free = derive_strands(deep, None, 200, 16, 0)
+    laid = derive_strands(deep, larger, 200, 16, 0)
+    before = signed_distance(larger, free.points.astype(np.float64))
+    after = signed_distance(larger, laid.points.astype(np.float64))
+    assert (before < -0.001).any()
+    assert after.min() > -1e-4
+    outside = before > 1e-4
+    assert np.array_equal(free.points[outside], laid.points[outside])
+    inside = before < -1e-4
+    assert np.allclose(after[inside], SKIN_GAP, atol=2e-4)
+    assert np.array_equal(laid.offsets, np.arange(201) * 16)
+
+
+def test_the_roots_of_strands_have_an_owner(capture):
+    head = make_head()
+    tree = make_style("straight", 0, make_scalp(head))
+    points = derive_strands(tree, None, 100, 8, 5).points.reshape(100, 8, 3)
+    uv = jax.vmap(scalp_uv, (None, 0))(tree.scalp, points[:, 0])
+    assert (np.asarray(find_owner(tree, uv)) >= 0).mean() > 0.97
