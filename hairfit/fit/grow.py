@@ -90,7 +90,7 @@ def resample_paths(
     along = np.concatenate([np.zeros((len(paths), 1)), np.cumsum(lengths, axis=1)], 1)
     at = along[:, -1:] * np.linspace(0.0, 1.0, knots)
     # One search for all strands: each has its own interval of a common line.
-    start = np.arange(len(paths))[:, None] * (along[:, -1].max() + 1.0)
+    start = np.arange(len(paths))[:, None] * (along[:, -1].max(initial=0.0) + 1.0)
     flat = (along + start).ravel()
     index = np.searchsorted(flat, (at + start).ravel(), side="right").reshape(at.shape)
     low = index - np.arange(len(paths))[:, None] * paths.shape[1] - 1

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import trimesh
+from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from hairfit.capture import View
@@ -33,7 +34,7 @@ def dome() -> Scalp:
     return Scalp(jnp.asarray(RADIUS * up / np.linalg.norm(up, axis=-1, keepdims=True)))
 
 
-def meridian(polar, azimuth, height=0.0):
+def meridian(polar, azimuth, height: ArrayLike = 0.0):
     """Return the point at `height` above the ball; polar 0 is the crown, +y."""
     level = np.sin(polar)
     out = level * np.sin(azimuth), np.cos(polar), level * np.cos(azimuth)
@@ -104,7 +105,7 @@ def photograph(strands, cameras, head: Mesh | None, radius_px=1.5) -> Photograph
 
 
 def hull_where(inside, low, high, spacing, head=None) -> Hull:
-    """Return the hull of the voxels whose centres are `inside`, a function of points."""
+    """Return the hull of voxels whose centres are `inside`, a function of points."""
     grid = Grid.around(np.asarray(low, float), np.asarray(high, float), spacing)
     points = grid.centres(np.ones(grid.shape, bool))
     hair = np.asarray(inside(points)).reshape(grid.shape)

@@ -95,8 +95,10 @@ def test_no_strand_is_longer_than_the_longest():
 @pytest.mark.parametrize("azimuth", [0.0, 1.0, 4.0])
 def test_strands_that_come_back_to_the_head_do_not_enter_it(azimuth):
     hull = hull_where(
-        lambda p: (np.linalg.norm(p, axis=1) < 0.13)
-        & (np.linalg.norm(p, axis=1) > RADIUS - 0.001),
+        lambda p: (
+            (np.linalg.norm(p, axis=1) < 0.13)
+            & (np.linalg.norm(p, axis=1) > RADIUS - 0.001)
+        ),
         [-0.14] * 3,
         [0.14] * 3,
         0.005,
@@ -137,3 +139,7 @@ def test_polylines_are_resampled_as_interpolation_along_them():
 def test_a_strand_that_did_not_grow_stays_at_its_root():
     paths = np.broadcast_to(np.array([1.0, 2.0, 3.0]), (2, 6, 3))
     assert np.allclose(resample_paths(paths, 4), [1.0, 2.0, 3.0], atol=1e-12)
+
+
+def test_no_strands_are_no_error():
+    assert resample_paths(np.zeros((0, 5, 3)), 4).shape == (0, 4, 3)

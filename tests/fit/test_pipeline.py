@@ -7,11 +7,11 @@ import pytest
 from hairfit.capture import Capture, load_capture
 from hairfit.capture.distance import signed_distance
 from hairfit.errors import InputError
-from hairfit.fit import FitConfig, derive_strands, fit_capture
-from hairfit.fit.derive import SKIN_GAP
+from hairfit.fit import FitConfig, fit_capture
 from hairfit.fit.pipeline import PRESETS, Preset
 from hairfit.fit.refine import RefineConfig
-from hairfit.model import find_owner, leaves, scalp_uv
+from hairfit.model import leaves
+from hairfit.render import mesh_depth, rasterise
 from hairfit.synthetic.head import make_head, make_scalp
 from hairfit.synthetic.scene import Scene, write_capture
 from hairfit.synthetic.styles import make_style
@@ -84,8 +84,6 @@ def test_the_tree_has_two_levels_and_its_figures_are_right(fitted):
 
 @pytest.mark.slow
 def test_hair_lies_where_the_photographs_show_it(fitted, capture):
-    from hairfit.render import mesh_depth, rasterise
-
     result, _ = fitted
     covered = []
     for view in capture.views:
@@ -107,11 +105,9 @@ def test_progress_only_grows(fitted):
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_bytes_and_another_does_not(fitted, capture):
+def test_the_same_seed_gives_the_same_bytes(fitted, capture):
     result, _ = fitted
     assert bytes_of(fit_capture(capture, CONFIG)) == bytes_of(result)
-    other = fit_capture(capture, dataclasses.replace(CONFIG, seed=4))
-    assert bytes_of(other) != bytes_of(result)
 
 
 class Interruption(Exception):
@@ -140,30 +136,3 @@ def test_without_a_head_there_is_no_fit(capture):
     bald = dataclasses.replace(capture, head=None)
     with pytest.raises(InputError, match="no `head.obj` in .*put the head's mesh"):
         fit_capture(bald, CONFIG)
-
-
-def test_strands_of_a_tree_are_laid_onto_the_skin(capture):
-    head = make_head()
-    tree = make_style("straight", 0, make_scalp(head))
-    deep = jax.tree.map(lambda x: x, tree)
-    # A head that is a little larger than the one the hair was made for.
-    larger = dataclasses.replace(head, vertices=1.03 * head.vertices)
-    free = derive_strands(deep, None, 200, 16, 0)
-    laid = derive_strands(deep, larger, 200, 16, 0)
-    before = signed_distance(larger, free.points.astype(np.float64))
-    after = signed_distance(larger, laid.points.astype(np.float64))
-    assert (before < -0.001).any()
-    assert after.min() > -1e-4
-    outside = before > 1e-4
-    assert np.array_equal(free.points[outside], laid.points[outside])
-    inside = before < -1e-4
-    assert np.allclose(after[inside], SKIN_GAP, atol=2e-4)
-    assert np.array_equal(laid.offsets, np.arange(201) * 16)
-
-
-def test_the_roots_of_strands_have_an_owner(capture):
-    head = make_head()
-    tree = make_style("straight", 0, make_scalp(head))
-    points = derive_strands(tree, None, 100, 8, 5).points.reshape(100, 8, 3)
-    uv = jax.vmap(scalp_uv, (None, 0))(tree.scalp, points[:, 0])
-    assert (np.asarray(find_owner(tree, uv)) >= 0).mean() > 0.97

@@ -57,7 +57,9 @@ def test_a_leaf_that_leaves_the_hull_goes(scalp, uv, hull):
     assert found.parent == (-1, -1, 0, 1, 1)
     kept = [0, 1, 2, 4, 5]
     assert np.array_equal(found.contour.centre, np.array(CENTRES)[kept])
-    assert np.array_equal(found.cylinder.skeleton, tree.cylinder.skeleton[jnp.array(kept)])
+    assert np.array_equal(
+        found.cylinder.skeleton, tree.cylinder.skeleton[jnp.array(kept)]
+    )
 
 
 def test_the_roots_of_a_leaf_that_went_are_its_siblings(scalp, uv, hull):

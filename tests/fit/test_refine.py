@@ -225,8 +225,6 @@ def test_a_displaced_tree_comes_back(tree, scene):
 def test_the_true_tree_stays_where_it_is(tree, scene):
     taken, samples, maps, head = scene
     truth = strands_of(single(tree), samples)
-    found = refine(
-        single(tree), samples, taken.views, taken.depths, maps, head, CONFIG
-    )
+    found = refine(single(tree), samples, taken.views, taken.depths, maps, head, CONFIG)
     after = off_strand(strands_of(found, samples), truth)
     assert after.mean() < 0.001
