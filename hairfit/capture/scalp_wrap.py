@@ -75,7 +75,7 @@ def _square_to_cap(
 ) -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
     """Map the unit square onto the cap inside the border, as (polar, azimuth)."""
     x, y = 2 * u - 1, 2 * v - 1
-    disc_x, disc_y = x * np.sqrt(1 - y**2 / 2), y * np.sqrt(1 - x**2 / 2)
+    disc_x, disc_y = x * np.sqrt(1 - 0.42 * y**2), y * np.sqrt(1 - 0.42 * x**2)
     azimuth = np.arctan2(disc_x, disc_y)
     at = azimuth / (2 * np.pi) * len(border)
     limit = ndimage.map_coordinates(border, at[None], order=1, mode="grid-wrap")

@@ -91,7 +91,8 @@ def fit_cylinders(layout: Layout, members: Members, *, steps: int = 3) -> Fitted
     # How far a step is solved, against the first gradient: the next step corrects it.
     inexact = lx.CG(
         rtol=1e-6,
-        atol=INEXACT * float(size) + 1e-9,
+        # An array: as a number it would be compiled anew for every fit.
+        atol=INEXACT * size + 1e-9,  # pyright: ignore[reportArgumentType]
         norm=optx.rms_norm,
         max_steps=200,
     )

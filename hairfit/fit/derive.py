@@ -16,7 +16,7 @@ SKIN_GAP = 0.0005
 # What still runs deeper than this is cut off: thin parts of a mesh, sharp corners.
 DEEPEST = 0.0007
 HIGHEST_ROOT = 0.0018  # metres above the skin
-PIECES = 8  # a segment near the skin is looked at in so many pieces
+PIECES = 24  # a segment near the skin is looked at in so many pieces
 SPARE = 1.03  # for strands that must go as a whole
 
 

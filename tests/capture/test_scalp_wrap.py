@@ -107,13 +107,13 @@ def test_nothing_depends_on_the_origin(seen):
 def test_skin_that_is_seen_draws_the_border_in(bare):
     centre = np.zeros(3)
     heights = []
-    for hairline in (-1.0, 0.0, 0.03, 0.05):
+    for hairline in (-1.0, 0.0, 0.03):
         scalp = wrap_scalp(ball(), photographs(ball(), centre, hairline))
         points, normals = every(scalp)
         assert np.abs(np.linalg.norm(points, axis=1) - RADIUS).max() < 0.001
         heights.append(points[:, 1].min())
     assert np.isclose(heights[0], every(bare)[0][:, 1].min(), atol=0.003)
-    assert (np.diff(heights) > 0.005).all()
+    assert (np.diff(heights) > 0.02).all()
     assert np.isclose(heights[2], 0.03, atol=0.012)
 
 

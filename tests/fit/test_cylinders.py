@@ -101,6 +101,26 @@ def regrown(tree, uv, owner):
     )
 
 
+def test_each_cluster_alone_is_near_its_strands_and_unmoved_by_a_stray_one(known):
+    tree, uv, owner, strands = known
+    layout = planted_layout(tree, owner)
+    clean = closed_form(layout, members_of(uv, owner, strands))
+    found = eqx.tree_at(lambda t: t.cylinder, tree, clean)
+    apart = np.linalg.norm(regrown(found, uv, owner) - strands, axis=2)
+    assert np.median(apart) < 0.001
+    moved = closed_form(layout, members_of(uv, owner, with_stray(strands, owner)))
+    assert np.linalg.norm(moved.skeleton - clean.skeleton, axis=2).max() < 0.0005
+
+
+def with_stray(strands, owner):
+    """Return the strands, one of which runs 8 cm away from its cluster."""
+    stray = strands.copy()
+    t = np.linspace(0.0, 1.0, KNOTS)[:, None]
+    stray[np.flatnonzero(owner == 1)[3]] += 0.08 * t * np.array([1.0, 0.5, 0.0])
+    return stray
+
+
+@pytest.mark.slow
 def test_strands_of_a_known_tree_are_recovered(known):
     tree, uv, owner, strands = known
     fitted = fit_cylinders(planted_layout(tree, owner), members_of(uv, owner, strands))
@@ -110,6 +130,7 @@ def test_strands_of_a_known_tree_are_recovered(known):
     assert np.isclose(fitted.error, np.median(apart[:, 1:]), atol=1e-4)
 
 
+@pytest.mark.slow
 def test_strands_between_the_given_ones_are_recovered_as_well(known):
     tree, uv, owner, strands = known
     given = np.resize(np.arange(0, len(uv), 2), len(uv))  # half of them, twice
@@ -121,6 +142,7 @@ def test_strands_between_the_given_ones_are_recovered_as_well(known):
     assert np.median(apart[1::2]) < 0.0003
 
 
+@pytest.mark.slow
 def test_what_is_not_fitted_is_the_layouts(known):
     tree, uv, owner, strands = known
     layout = planted_layout(tree, owner)
@@ -132,16 +154,14 @@ def test_what_is_not_fitted_is_the_layouts(known):
     assert fitted.result
 
 
+@pytest.mark.slow
 def test_a_strand_that_runs_elsewhere_does_not_move_its_cluster(known):
     tree, uv, owner, strands = known
     layout = planted_layout(tree, owner)
     clean = fit_cylinders(layout, members_of(uv, owner, strands)).tree
-    stray = strands.copy()
-    outlier = np.flatnonzero(owner == 1)[3]
-    t = np.linspace(0.0, 1.0, KNOTS)[:, None]
-    stray[outlier] += 0.08 * t * np.array([1.0, 0.5, 0.0])
+    stray = with_stray(strands, owner)
     found = fit_cylinders(layout, members_of(uv, owner, stray)).tree
-    rest = np.arange(len(uv)) != outlier
+    rest = (stray == strands).all(axis=(1, 2))
     moved = regrown(found, uv, owner) - regrown(clean, uv, owner)
     assert np.linalg.norm(moved[rest], axis=2).max() < 0.0005
     mean = np.abs(strands[owner == 1].mean(0) - stray[owner == 1].mean(0)).max()
