@@ -1,5 +1,7 @@
 """Signed distance to a head: negative inside it, also for open meshes."""
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float
 
@@ -15,15 +17,32 @@ def signed_distance(
     form of Barill et al. 2018) exceeds one half, so that an open neck or overlapping
     parts do no harm.
     """
+    return nearest_skin(head, points).distance
+
+
+class Nearest(NamedTuple):
+    """The skin nearest to points.
+
+    Attributes:
+        distance: Distance in metres, negative inside the head.
+        closest: The closest points of the mesh.
+    """
+
+    distance: Float[np.ndarray, " points"]
+    closest: Float[np.ndarray, "points 3"]
+
+
+def nearest_skin(head: Mesh, points: Float[np.ndarray, "points 3"]) -> Nearest:
+    """Return the signed distance as `signed_distance` does, and the closest points."""
     import igl
 
-    distance, _, _, _ = igl.signed_distance(
+    distance, _, closest, _ = igl.signed_distance(
         np.ascontiguousarray(points, np.float64),
         np.ascontiguousarray(head.vertices, np.float64),
         np.ascontiguousarray(head.faces, np.int64),
         sign_type=igl.SIGNED_DISTANCE_TYPE_FAST_WINDING_NUMBER,
     )
-    return np.atleast_1d(distance)
+    return Nearest(np.atleast_1d(distance), np.asarray(closest).reshape(-1, 3))
 
 
 def push_out(
@@ -36,22 +55,13 @@ def push_out(
         points: Points, in metres.
         gap: Distance from the skin of what was inside.
     """
-    import igl
-
-    vertices = np.ascontiguousarray(head.vertices, np.float64)
-    faces = np.ascontiguousarray(head.faces, np.int64)
     out = points.copy()
     reach = head.vertices.min(axis=0), head.vertices.max(axis=0)
     near = np.flatnonzero(((points > reach[0]) & (points < reach[1])).all(axis=1))
     for _ in range(3):
-        distance, _, closest, _ = igl.signed_distance(
-            out[near],
-            vertices,
-            faces,
-            sign_type=igl.SIGNED_DISTANCE_TYPE_FAST_WINDING_NUMBER,
-        )
-        inside = np.atleast_1d(distance) < 0
-        near, closest = near[inside], np.asarray(closest)[inside]
+        distance, closest = nearest_skin(head, out[near])
+        inside = distance < 0
+        near, closest = near[inside], closest[inside]
         if not len(near):
             break
         outward = closest - out[near]

@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from ..model.curve import catmull_rom_weights
 from ..model.scalp import Scalp
-from ..render.raster import project_points
+from ..render.raster import cells, project_points
 from ..types import Mesh
 from .capture import View
 from .cranium import Cranium, find_cranium, skin_distance
@@ -118,13 +118,10 @@ def _votes(
 ) -> Float[np.ndarray, " points"]:
     """Return +1 where the view sees hair at a point of the skin, -1 where skin."""
     view = seen.view
-    pixel, depth = project_points(points, view.camera)
-    x, y = np.floor(pixel[:, 0]).astype(int), np.floor(pixel[:, 1]).astype(int)
-    height, width = view.hair.shape
-    inside = (depth > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
+    pixels = project_points(points, view.camera)
+    y, x, inside = cells(pixels, view.camera.width, view.camera.height)
     to_camera = np.asarray(view.camera.centre, np.float64) - points
     to_camera /= np.linalg.norm(to_camera, axis=1, keepdims=True)
     facing = (to_camera * outward).sum(axis=1)
-    open_sight = inside & (facing > 0.2) & (depth < seen.depth[y, x] + 0.005)
+    open_sight = inside & (facing > 0.2) & (pixels.depth < seen.depth[y, x] + 0.005)
     return np.where(open_sight, np.where(view.hair[y, x], 1.0, -1.0), 0.0)

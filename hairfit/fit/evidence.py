@@ -16,7 +16,7 @@ from scipy import ndimage
 
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
-from ..render.raster import project_points
+from ..render.raster import cells, project_points
 from .hull import Hull, first_hit
 
 DEPTH_SCALE = 0.006  # metres behind the hull's surface where a photograph fades
@@ -93,11 +93,9 @@ def _planes(
     """Return the plane's normal and the weight of one view in every voxel."""
     step = 2
     hit = first_hit(hull, view, step=step)
-    pixel, depth = project_points(points, view.camera)
-    x, y = np.floor(pixel[:, 0]).astype(int), np.floor(pixel[:, 1]).astype(int)
-    height, width = view.hair.shape
-    seen = (depth > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
+    pixels = project_points(points, view.camera)
+    pixel, depth = pixels
+    y, x, seen = cells(pixels, view.camera.width, view.camera.height)
     row = np.minimum(y // step, hit.shape[0] - 1)
     column = np.minimum(x // step, hit.shape[1] - 1)
     seen &= view.hair[y, x] & (depth < head_depth[y, x] + 0.002)

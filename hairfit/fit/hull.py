@@ -11,7 +11,7 @@ from ..capture.capture import View
 from ..capture.cranium import find_cranium
 from ..capture.distance import signed_distance
 from ..errors import InputError
-from ..render.raster import project_points
+from ..render.raster import cells, project_points
 from ..types import Mesh
 from .grid import Grid
 
@@ -103,13 +103,11 @@ def _allowed(
     for view, depth in zip(views, depths, strict=True):
         if not len(points):
             break
-        pixel, z = project_points(points, view.camera)
+        pixels = project_points(points, view.camera)
+        z = pixels.depth
         grow = MASK_MARGIN + int(np.ceil(margin / max(float(np.median(z)), 0.05)))
         hair = ndimage.maximum_filter(view.hair, size=2 * grow + 1)
-        x, y = np.floor(pixel[:, 0]).astype(int), np.floor(pixel[:, 1]).astype(int)
-        height, width = view.hair.shape
-        seen = (z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
-        x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
+        y, x, seen = cells(pixels, view.camera.width, view.camera.height)
         hidden = z > depth[y, x]
         keep = ~seen | hair[y, x] | hidden
         pictures = (pictures + seen)[keep]
@@ -118,7 +116,9 @@ def _allowed(
     index = index[
         (pictures >= len(views) / 2) & (witnesses >= max(1, WITNESSES * len(views)))
     ]
-    return np.isin(np.arange(start.size), index).reshape(grid.shape)
+    out = np.zeros(start.size, dtype=bool)
+    out[index] = True
+    return out.reshape(grid.shape)
 
 
 def _outside_head(grid: Grid, hair: Bool[np.ndarray, "x y z"], head: Mesh) -> Hull:

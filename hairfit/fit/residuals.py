@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..render.camera import Camera
-from ..render.raster import project_points, rasterise, visible_points
+from ..render.raster import cells, project_points, rasterise, visible_points
 from .grid import trilinear_many
 from .hull import Hull
 
@@ -208,11 +208,10 @@ def find_pulls(
     strand, point, pixel, share = [], [], [], []
     for view, head_depth in zip(views, depths, strict=True):
         found = project_points(fine.reshape(-1, 3), view.camera)
-        at = np.floor(found.pixel).astype(int)
-        at = np.clip(at, 0, [view.camera.width - 1, view.camera.height - 1])
+        y, x, _ = cells(found, view.camera.width, view.camera.height)
         # Not the roots, which stay, nor what the head hides.
-        free = (np.arange(len(at)) % knots > 0) & (found.depth > 0)
-        free &= found.depth < head_depth[at[:, 1], at[:, 0]]
+        free = (np.arange(len(x)) % knots > 0) & (found.depth > 0)
+        free &= found.depth < head_depth[y, x]
         usable = np.flatnonzero(free)
         hair = np.argwhere(view.hair)[:, ::-1] + 0.5
         chosen = hair[rng.choice(len(hair), min(PROBES, len(hair)), replace=False)]

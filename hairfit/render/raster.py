@@ -49,6 +49,20 @@ class Pixels(NamedTuple):
     depth: Float[np.ndarray, "*points"]
 
 
+class Cells(NamedTuple):
+    """The pixels of a picture in which points land.
+
+    Attributes:
+        row: Row of each point's pixel; of the nearest one, for points outside.
+        column: Its column, alike.
+        inside: Whether the point lies in the picture and before the camera.
+    """
+
+    row: Int[np.ndarray, " points"]
+    column: Int[np.ndarray, " points"]
+    inside: Bool[np.ndarray, " points"]
+
+
 class Segments(NamedTuple):
     """Straight pieces of strands, clipped to the picture; inverse depth is linear."""
 
@@ -69,6 +83,13 @@ def project_points(points: Float[np.ndarray, "*points 3"], camera: Camera) -> Pi
     safe = np.where(np.abs(depth) < 1e-9, 1e-9, depth)
     pixel = (p_cam / safe[..., None]) @ np.asarray(camera.K, np.float64)[:2].T
     return Pixels(pixel, depth)
+
+
+def cells(pixels: Pixels, width: int, height: int) -> Cells:
+    """Return the pixels in which points land, to look up what a picture says there."""
+    x, y = np.floor(pixels.pixel).astype(int).T
+    inside = (pixels.depth > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    return Cells(np.clip(y, 0, height - 1), np.clip(x, 0, width - 1), inside)
 
 
 def rasterise(
