@@ -17,6 +17,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from hairfit.capture import load_capture
 from hairfit.capture.orientation import OrientationMap, estimate_orientation
+from hairfit.evaluate.photographs import line_angle, weigh
 from hairfit.render.raster import mesh_depth, rasterise
 
 CAPTURES = pathlib.Path(__file__).parents[2] / "shared" / "captures"
@@ -30,17 +31,9 @@ class Errors:
     """Errors with the confidence and the error that were expected, in degrees."""
 
     def __init__(self, found: OrientationMap, truth: np.ndarray, known: np.ndarray):
-        apart = np.abs(found.angle - truth)[known] % np.pi
-        self.error = np.degrees(np.minimum(apart, np.pi - apart))
+        self.error = np.degrees(line_angle(found.angle[known], truth[known]))
         self.weight = found.confidence[known].astype(float)
         self.sigma = np.degrees(found.sigma[known])
-
-
-def weighted_median(error: np.ndarray, weight: np.ndarray) -> float:
-    """Return the error below which half of the weight lies."""
-    order = np.argsort(error, kind="stable")
-    total = np.cumsum(weight[order])
-    return float(error[order][np.searchsorted(total, 0.5 * total[-1])])
 
 
 def print_row(name: str, parts: list[Errors], seconds: float) -> None:
@@ -54,7 +47,7 @@ def print_row(name: str, parts: list[Errors], seconds: float) -> None:
         f"{np.median(sigma[b]):.0f}/{1.4826 * np.median(error[b]):.0f}" for b in bins
     )
     print(
-        f"{name:<18}{weighted_median(error, weight):9.2f}{np.median(error):9.2f}"
+        f"{name:<18}{weigh(error, weight).median:9.2f}{np.median(error):9.2f}"
         f"{seconds:9.2f}   {' '.join(f'{pair:>6}' for pair in pairs)}",
         flush=True,
     )

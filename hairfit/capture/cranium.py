@@ -39,6 +39,23 @@ class Cranium(NamedTuple):
         return flat + np.cos(polar)[:, None] * self.axes[2]
 
 
+class Disc(NamedTuple):
+    """Points of a disc."""
+
+    x: Float[np.ndarray, "*points"]
+    y: Float[np.ndarray, "*points"]
+
+
+def square_to_disc(
+    a: Float[np.ndarray, "*points"], b: Float[np.ndarray, "*points"]
+) -> Disc:
+    """Map the square [-1, 1]^2 nearly onto the unit disc.
+
+    A little less than a full disc: at its corners a full one has no normal.
+    """
+    return Disc(a * np.sqrt(1.0 - 0.42 * b**2), b * np.sqrt(1.0 - 0.42 * a**2))
+
+
 def find_cranium(head: Mesh) -> Cranium:
     """Return the polar frame of a head, found from the top of its mesh."""
     vertices = head.vertices

@@ -18,7 +18,7 @@ from ..model.scalp import Scalp
 from ..render.raster import cells, project_points
 from ..types import Mesh
 from .capture import View
-from .cranium import Cranium, find_cranium, skin_distance
+from .cranium import Cranium, find_cranium, skin_distance, square_to_disc
 from .distance import signed_distance
 
 # How far down hair grows on people, as polar angles at every 30 degrees of azimuth
@@ -74,12 +74,11 @@ def _square_to_cap(
     border: Float[np.ndarray, " azimuths"],
 ) -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
     """Map the unit square onto the cap inside the border, as (polar, azimuth)."""
-    x, y = 2 * u - 1, 2 * v - 1
-    disc_x, disc_y = x * np.sqrt(1 - 0.42 * y**2), y * np.sqrt(1 - 0.42 * x**2)
-    azimuth = np.arctan2(disc_x, disc_y)
+    x, y = square_to_disc(2 * u - 1, 2 * v - 1)
+    azimuth = np.arctan2(x, y)
     at = azimuth / (2 * np.pi) * len(border)
     limit = ndimage.map_coordinates(border, at[None], order=1, mode="grid-wrap")
-    return np.hypot(disc_x, disc_y) * limit, azimuth
+    return np.hypot(x, y) * limit, azimuth
 
 
 def _hairline(

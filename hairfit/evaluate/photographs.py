@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..capture.orientation import estimate_orientation
-from ..render.raster import rasterise
+from ..capture.orientation import OrientationMap, estimate_orientation
+from ..render.raster import Raster, rasterise
 from .visibility import Sight
 
 COVER_PX = 1.0
@@ -40,18 +40,26 @@ class WeightedErrors(NamedTuple):
 
 
 def compare_with_photograph(
-    points: Float[np.ndarray, "strands knots 3"], sight: Sight
+    points: Float[np.ndarray, "strands knots 3"],
+    sight: Sight,
+    *,
+    found: OrientationMap | None = None,
+    drawn: Raster | None = None,
 ) -> PhotographErrors:
     """Return how strands fit one photograph.
 
     Args:
         points: The strands, with equal counts of points.
         sight: The photograph.
+        found: Its orientation map, if that is known already.
+        drawn: The strands as `rasterise` draws them in it, if that is known already.
     """
     view, behind = sight
-    drawn = rasterise(points, view.camera, mesh_depth=behind)
+    if drawn is None:
+        drawn = rasterise(points, view.camera, mesh_depth=behind)
     wide = rasterise(points, view.camera, mesh_depth=behind, radius_px=COVER_PX)
-    found = estimate_orientation(view.image, view.hair)
+    if found is None:
+        found = estimate_orientation(view.image, view.hair)
     weight = np.where(drawn.coverage & view.hair, found.confidence, 0.0)
     at = weight > 0.0
     errors = None

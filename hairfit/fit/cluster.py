@@ -57,48 +57,47 @@ def lay_clusters(
         leaves: Number of leaf clusters wanted, shared out by the number of strands.
         seed: Of the k-means.
     """
-    at = np.linspace(0, strands.shape[1] - 1, SHAPE_POINTS + 1).round().astype(int)
+    knots = strands.shape[1]
+    at = np.linspace(0, knots - 1, SHAPE_POINTS + 1).round().astype(int)
     features = strands[:, at].copy()
     features[:, 0] *= ROOT_WEIGHT
     features = features.reshape(len(strands), -1)
     rng = np.random.default_rng(seed)
-    upper = _compact(_kmeans(features, roots, rng))
-    centre, radius, offset = [], [], []
-    parent: list[int] = []
-    for index in range(upper.max() + 1):
-        members = uv[upper == index]
-        centre.append(members.mean(axis=0))
-        parent.append(-1)
-    cells = _voronoi(np.array(centre)) * OVERLAP
+    upper = np.unique(_kmeans(features, roots, rng), return_inverse=True)[1]
+    centre = [uv[upper == index].mean(axis=0) for index in range(upper.max() + 1)]
+    reach = list(_voronoi(np.array(centre)) * OVERLAP)
+    parent = [-1] * len(centre)
     spacing = np.sqrt(1.0 / len(uv))
-    below: list[tuple[int, np.ndarray]] = []
     # A root goes to the closest centre that contains it, so cells hold those roots.
     held = _closest(uv, np.array(centre))
     for index in range(len(centre)):
         members = np.flatnonzero(held == index)
         around = _star(uv[members] - centre[index], spacing) * LEAF_OVERLAP
-        cells[index] = np.minimum(cells[index], around)
+        reach[index] = np.minimum(reach[index], around)
         share = max(1, round(leaves * len(members) / len(uv)))
-        lower = _compact(_kmeans(features[members], share, rng)) if len(members) else []
-        below += [
-            (index, members[lower == k]) for k in range(max(lower, default=-1) + 1)
-        ]
-    for reach in cells:
-        radius.append(reach.mean())
-        offset.append(reach - reach.mean())
-    for index, members in below:
-        middle = uv[members].mean(axis=0)
-        reach = _star(uv[members] - middle, spacing) * LEAF_OVERLAP
-        centre.append(middle)
-        parent.append(index)
-        radius.append(reach.mean())
-        offset.append(reach - reach.mean())
+        lower = _kmeans(features[members], share, rng)
+        for label in np.unique(lower):
+            mine = uv[members[lower == label]]
+            centre.append(mine.mean(axis=0))
+            reach.append(_star(mine - centre[-1], spacing) * LEAF_OVERLAP)
+            parent.append(index)
+    return _planted(scalp, uv, np.array(centre), np.array(reach), parent, knots)
+
+
+def _planted(
+    scalp: Scalp,
+    uv: Float[np.ndarray, "strands 2"],
+    centre: Float[np.ndarray, "clusters 2"],
+    reach: Float[np.ndarray, "clusters 32"],
+    parent: list[int],
+    knots: int,
+) -> Layout:
+    """Return the clusters with contours that reach so far around their centres."""
+    radius = reach.mean(axis=1)
     contour = jax.vmap(ScalpContour)(
-        jnp.asarray(np.array(centre)),
-        jnp.asarray(np.array(radius)),
-        jnp.asarray(np.array(offset)),
+        jnp.asarray(centre), jnp.asarray(radius), jnp.asarray(reach - radius[:, None])
     )
-    stub = functools.partial(plant, scalp, length=STUB, knots=strands.shape[1])
+    stub = functools.partial(plant, scalp, length=STUB, knots=knots)
     still = jnp.zeros_like(contour.radius)
     tree = HairTree(scalp, contour, jax.vmap(stub)(contour), still, tuple(parent))
     tangents = jax.vmap(scalp_tangents, (None, 0))(scalp, contour.centre)
@@ -128,11 +127,6 @@ def _kmeans(
         # A cluster that loses all its strands is left out by the caller.
         warnings.filterwarnings("ignore", "One of the clusters is empty")
         return kmeans2(features, start, iter=12, minit="matrix", missing="warn")[1]
-
-
-def _compact(label: Int[np.ndarray, " strands"]) -> Int[np.ndarray, " strands"]:
-    """Number the labels that occur from 0 on."""
-    return np.unique(label, return_inverse=True)[1]
 
 
 def _closest(
@@ -169,4 +163,4 @@ def _star(
     across = members @ _directions().T
     angle = np.arccos(np.clip(across / np.maximum(distance, 1e-12)[:, None], -1, 1))
     near = angle < 2.0 * np.pi / ANGLES
-    return np.maximum(np.where(near, distance[:, None], 0.0).max(axis=0), 0.0) + least
+    return np.where(near, distance[:, None], 0.0).max(axis=0, initial=0.0) + least

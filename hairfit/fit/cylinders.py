@@ -50,7 +50,6 @@ class Members(NamedTuple):
     uv: Float[Array, "members 2"]
     owner: Int[Array, " members"]
     knots: Float[Array, "members knots 3"]
-    weight: Float[Array, " members"]
 
 
 class Problem(NamedTuple):
@@ -59,6 +58,7 @@ class Problem(NamedTuple):
     contour: ScalpContour
     start: GeneralizedCylinder
     members: Members
+    weight: Float[Array, " members"]
     units: tuple[Array, Array]
 
 
@@ -82,7 +82,8 @@ def fit_cylinders(layout: Layout, members: Members, *, steps: int = 3) -> Fitted
     problem = Problem(
         layout.tree.contour,
         start,
-        some._replace(weight=weight),
+        some,
+        weight,
         _units(start, some.owner, weight),
     )
     unchanged = jax.tree.map(jnp.zeros_like, _flexible(start))
@@ -166,7 +167,7 @@ def _changed(problem: Problem, change) -> GeneralizedCylinder:
 
 def _residuals(change, problem: Problem):
     distance = _distance(_changed(problem, change), problem.contour, problem.members)
-    distance = distance * problem.members.weight[:, None, None] ** 0.5
+    distance = distance * problem.weight[:, None, None] ** 0.5
     skeleton, *maps = _in_metres(problem.units, change)
     return distance / SPREAD, skeleton / SKELETON_PRIOR, [m / MAP_PRIOR for m in maps]
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy import ndimage
 
+from ..model.vector import unit
 from .evidence import Field
 from .grid import corners, trilinear
 from .hull import Hull
@@ -126,7 +127,7 @@ def _trace(
         sure = weight * (near[:, 3] + 0.02)
         mean = (sure * sign) @ near[:, :3]
         keep = config.stiffness + 0.5 * (1.0 - jnp.sum(sure))
-        return unit(mean / jnp.maximum(jnp.sum(sure), 1e-6) + keep * last)
+        return unit(mean / jnp.maximum(jnp.sum(sure), 1e-6) + keep * last, last)
 
     def one(point, last, alive):
         ahead = heading(point, last)
@@ -141,7 +142,9 @@ def _trace(
         ends = ends | (move @ last < 0.3 * config.step)
         alive = alive & ~ends
         return _State(
-            jnp.where(alive, goal, point), jnp.where(alive, unit(move), last), alive
+            jnp.where(alive, goal, point),
+            jnp.where(alive, unit(move, last), last),
+            alive,
         )
 
     def advance(state, _):
@@ -153,8 +156,3 @@ def _trace(
     steps = int(config.longest / config.step)
     _, path = jax.lax.scan(advance, state, None, length=steps)
     return jnp.concatenate([start[None], path])
-
-
-def unit(vector: Float[Array, " 3"]) -> Float[Array, " 3"]:
-    """Return a vector's direction; the zero vector stays."""
-    return vector / jnp.sqrt(jnp.maximum(jnp.sum(vector**2), 1e-18))

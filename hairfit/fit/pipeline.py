@@ -14,10 +14,12 @@ from ..capture.capture import Capture, View
 from ..capture.orientation import OrientationMap, estimate_orientation
 from ..capture.scalp_wrap import SeenHead, wrap_scalp
 from ..errors import InputError
+from ..evaluate.shape import strand_lengths
 from ..io.tree import load_tree, save_tree
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp, sample_roots, scalp_normal, scalp_point
 from ..model.tree import HairTree
+from ..render.raster import mesh_depth
 from ..types import Mesh, Strands
 from .checkpoint import Checkpoint
 from .cluster import lay_clusters
@@ -62,9 +64,23 @@ class Preset(NamedTuple):
 
 
 PRESETS = {
-    "draft": Preset(0.005, 2500, 24, 120, 12, RefineConfig(1, 15, 1200, 16)),
+    "draft": Preset(
+        0.005,
+        2500,
+        24,
+        120,
+        12,
+        RefineConfig(rounds=1, steps=15, strands=1200, points=16),
+    ),
     "normal": Preset(0.003, 8000, 40, 400, 16, RefineConfig()),
-    "high": Preset(0.0025, 12000, 60, 800, 20, RefineConfig(4, 25, 5000, 32)),
+    "high": Preset(
+        0.0025,
+        12000,
+        60,
+        800,
+        20,
+        RefineConfig(rounds=4, steps=25, strands=5000, points=32),
+    ),
 }
 STRAND_POINTS = 40
 
@@ -146,7 +162,7 @@ def fit_capture(
         "root_clusters": int((parent < 0).sum()),
         "leaf_clusters": int((parent >= 0).sum()),
         "cylinder_error_mm": 1e3 * error,
-        "median_length_mm": 1e3 * _median_length(strands),
+        "median_length_mm": 1e3 * float(np.median(strand_lengths(strands))),
     }
     return FitResult(tree, strands, figures, maps)
 
@@ -170,8 +186,6 @@ def _orientation(
 
 
 def _depths(views: Sequence[View], head: Mesh, store: Checkpoint) -> Depths:
-    from ..render.raster import mesh_depth
-
     saved = store.load("depth")
     if saved is None:
         saved = {view.name: mesh_depth(head, view.camera) for view in views}
@@ -252,7 +266,6 @@ def _tree(
         jnp.asarray(uv[strand], kind),
         jnp.asarray(owner, jnp.int32),
         jnp.asarray(strands[strand], kind),
-        jnp.ones(len(owner), kind),
     )
     fitted = fit_cylinders(layout, members)
     tree = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), fitted.tree)
@@ -271,8 +284,3 @@ def _samples(tree: HairTree, preset: Preset, config: FitConfig) -> Samples:
     # A constant size, or every capture would be compiled anew.
     index = np.resize(np.flatnonzero(held), len(uv))
     return Samples(jnp.asarray(uv[index], jnp.float32), jnp.asarray(owner[index]))
-
-
-def _median_length(strands: Strands) -> float:
-    points = strands.points.reshape(strands.count, -1, 3)
-    return float(np.median(np.linalg.norm(np.diff(points, axis=1), axis=2).sum(1)))

@@ -33,7 +33,7 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     ):
         view = sight.view
         raster = rasterise(points, view.camera, mesh_depth=sight.behind)
-        errors = compare_with_photograph(points, sight)
+        errors = compare_with_photograph(points, sight, found=found, drawn=raster)
         photographs[view.name] = {
             "mean_angle_deg": errors.mean_angle_deg,
             "median_angle_deg": errors.median_angle_deg,

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from ..capture.cranium import square_to_disc
 from ..model import Scalp
 from ..types import Mesh
 
@@ -134,9 +135,7 @@ def make_scalp(mesh: Mesh) -> Scalp:
 def scalp_directions(side: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n n 3"]:
     """Return the directions of a square grid over [-1, 1]^2, about the crown."""
     a, b = np.meshgrid(side, side, indexing="ij")
-    # A little less than a full disc: at its corners a full one has no normal.
-    x = a * np.sqrt(1.0 - 0.42 * b**2)
-    y = b * np.sqrt(1.0 - 0.42 * a**2)
+    x, y = square_to_disc(a, b)
     radius, azimuth = np.hypot(x, y), np.arctan2(np.abs(x), -y)
     limit = np.interp(azimuth, np.linspace(0.0, np.pi, len(HAIRLINE)), HAIRLINE)
     polar = radius * limit

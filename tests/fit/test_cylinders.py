@@ -73,12 +73,7 @@ def planted_layout(tree, owner):
 
 
 def members_of(uv, owner, strands):
-    return Members(
-        jnp.asarray(uv),
-        jnp.asarray(owner, jnp.int32),
-        jnp.asarray(strands),
-        jnp.ones(len(owner)),
-    )
+    return Members(jnp.asarray(uv), jnp.asarray(owner, jnp.int32), jnp.asarray(strands))
 
 
 @pytest.fixture(scope="module")
