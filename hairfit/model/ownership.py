@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -163,3 +165,19 @@ def to_closest_leaf(tree: HairTree, roots: np.ndarray, owner: np.ndarray) -> Non
             some = mine[i : i + CHUNK]
             rest = roots[some, None] - centre[None, below]
             owner[some] = below[np.argmin(np.hypot(rest[..., 0], rest[..., 1]), axis=1)]
+
+
+def rehouse_wisps(tree: HairTree) -> HairTree:
+    """Return the tree whose wisps belong to the leaves that own their roots now.
+
+    To be called where leaves got children or contours moved: a wisp whose root no leaf
+    owns is dropped.
+    """
+    if tree.wisps is None:
+        return tree
+    owner = np.asarray(find_owner(tree, tree.wisps.uv))
+    held = np.flatnonzero(owner >= 0)
+    wisps = jax.tree.map(lambda leaf: leaf[held], tree.wisps)
+    owner = jnp.asarray(owner[held], wisps.owner.dtype)
+    wisps = eqx.tree_at(lambda w: w.owner, wisps, owner)
+    return eqx.tree_at(lambda t: t.wisps, tree, wisps)

@@ -1,6 +1,7 @@
 """Strands: polylines that follow their clusters."""
 
 import functools
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -19,9 +20,12 @@ from .frame import Frames
 from .ownership import find_owner, local_coordinates
 from .scalp import Scalp, sample_roots, scalp_point
 from .tree import HairTree, ScalpContour
+from .wisp import nearest_wisp, wisp_points
 
 # Rounds of sampling after which a scalp that is hardly covered counts as exhausted.
 ROUNDS = 64
+# The fewest strands that are grown at once when some clusters were edited.
+FEWEST = 64
 
 
 def grow_strands(
@@ -38,7 +42,9 @@ def grow_strands(
     through the knots makes it smooth (figure 4-11).
 
     Differentiable in all but `owner`. Trees with equal numbers of clusters and knots
-    share one compiled program, whatever their topology.
+    share one compiled program, whatever their topology. In a tree with wisps, `uv` and
+    `owner` must be known when the function is called: under `jit`, call `grow` with the
+    wisps found before.
 
     Args:
         tree: The tree.
@@ -49,7 +55,62 @@ def grow_strands(
         points: Number of points of each strand, evenly spaced in the spline's
             parameter.
     """
-    return grow(tree.scalp, tree.contour, tree.cylinder, uv, owner, eta, points)
+    offset = None
+    if tree.wisps is not None:
+        wisp = nearest_wisp(tree.wisps, uv, owner)
+        offset = wisp_offsets(tree.wisps.offset, wisp)
+    return grow(tree.scalp, tree.contour, tree.cylinder, uv, owner, eta, points, offset)
+
+
+def regrow_strands(
+    tree: HairTree,
+    strands: Float[Array, "strands points 3"],
+    uv: Float[Array, "strands 2"],
+    owner: Int[Array, " strands"],
+    eta: Float[Array, " strands"],
+    edited: Sequence[int],
+) -> Float[Array, "strands points 3"]:
+    """Return strands of which only those of edited clusters are grown anew.
+
+    An edit of some clusters then costs its share of the strands [Kim02, section 4.9].
+    Their number is rounded up to a power of 2, so that few programs are compiled. Runs
+    outside `jit`.
+
+    Args:
+        tree: The tree after the edit.
+        strands: All strands as they grew before it.
+        uv: As `grow_strands` takes it.
+        owner: The same.
+        eta: The same.
+        edited: The leaf clusters that changed.
+    """
+    mine = np.flatnonzero(np.isin(np.asarray(owner), np.asarray(edited, int)))
+    if not len(mine):
+        return strands
+    size = max(FEWEST, 1 << (len(mine) - 1).bit_length())
+    index = jnp.asarray(np.resize(mine, size))  # repeats strands, which does no harm
+    some = grow_strands(tree, uv[index], owner[index], eta[index], strands.shape[1])
+    return replace_strands(strands, index, some)
+
+
+@jax.jit
+def replace_strands(
+    strands: Float[Array, "strands points 3"],
+    index: Int[Array, " some"],
+    grown: Float[Array, "some points 3"],
+) -> Float[Array, "strands points 3"]:
+    """Return strands, some of them replaced."""
+    return strands.at[index].set(grown)
+
+
+def wisp_offsets(
+    offset: Float[Array, "wisps knots 3"], wisp: Int[Array, " strands"]
+) -> Float[Array, "strands knots 3"]:
+    """Return each strand's offsets, 0 where it follows no wisp (-1)."""
+    if not len(offset):
+        return jnp.zeros((len(wisp), *offset.shape[1:]), offset.dtype)
+    mine = offset[jnp.maximum(wisp, 0)]
+    return jnp.where((wisp >= 0)[:, None, None], mine, 0.0)
 
 
 @functools.partial(jax.jit, static_argnames="points")
@@ -61,13 +122,14 @@ def grow(
     owner: Int[Array, " strands"],
     eta: Float[Array, " strands"],
     points: int,
+    offset: Float[Array, "strands knots 3"] | None = None,
 ) -> Float[Array, "strands points 3"]:
-    """`grow_strands` on the arrays of a tree."""
+    """`grow_strands` on the arrays of a tree, with the offsets of its wisps."""
     frames = jax.vmap(cylinder_frames)(cylinder)
     index = jnp.maximum(owner, 0)
     mine = jax.tree.map(lambda leaf: leaf[index], (contour, cylinder, frames))
     contour, cylinder, frames = mine
-    knots = jax.vmap(strand_knots)(contour, cylinder, frames, uv, eta)
+    knots = jax.vmap(strand_knots)(contour, cylinder, frames, uv, eta, offset)
     root = jax.vmap(scalp_point, (None, 0))(scalp, uv)
     knots = jnp.where((owner >= 0)[:, None, None], knots, root[:, None])
     knots = knots.at[:, 0].set(root)
@@ -82,6 +144,7 @@ def strand_knots(
     frames: Frames,
     uv: Float[Array, " 2"],
     eta: Float[Array, ""],
+    offset: Float[Array, "knots 3"] | None = None,
 ) -> Float[Array, "knots 3"]:
     """Return the knots of one strand by equation (4-4), not yet set on the scalp.
 
@@ -91,12 +154,15 @@ def strand_knots(
         frames: The frames at its knots.
         uv: The root.
         eta: Share of the cluster's length that the strand reaches.
+        offset: Offsets of the strand's wisp, if it follows one.
     """
     r, theta = local_coordinates(contour, uv)
     sections = knot_sections(cylinder, frames, theta)
     knots = cylinder.skeleton.shape[0]
     t = eta * jnp.linspace(0.0, 1.0, knots, dtype=uv.dtype)
-    return section_points(sections_between(sections, t), r, theta)
+    here = sections_between(sections, t)
+    at = section_points(here, r, theta)
+    return at if offset is None else at + wisp_points(here, offset, t)
 
 
 def sample_strands(

@@ -12,8 +12,10 @@ from jaxtyping import Array, Bool, Float, ScalarLike
 
 from .contour import ANGLES, contour_radius
 from .cylinder import GeneralizedCylinder
+from .maps import ScalpMaps
 from .scalp import Scalp, scalp_normal, scalp_point, scalp_tangents
 from .vector import norm, reject
+from .wisp import Wisps
 
 Stackable = TypeVar("Stackable", bound=eqx.Module)
 
@@ -42,6 +44,8 @@ class HairTree(eqx.Module):
         length_variation: Share `k` of the length by which tips vary, in [0, 1).
         parent: Index of each cluster's parent, -1 for root clusters. Parents stand
             before their children.
+        wisps: What single hairs do beside their cluster, or None.
+        maps: What is painted on the scalp, or None for even hair.
     """
 
     scalp: Scalp
@@ -49,6 +53,8 @@ class HairTree(eqx.Module):
     cylinder: GeneralizedCylinder
     length_variation: Float[Array, " clusters"]
     parent: tuple[int, ...] = eqx.field(static=True)
+    wisps: Wisps | None = None
+    maps: ScalpMaps | None = None
 
     def __check_init__(self):
         count = len(self.parent)
@@ -123,13 +129,78 @@ def descendants(tree: HairTree, index: int) -> np.ndarray:
 def take(tree: HairTree, keep: Bool[np.ndarray, " clusters"]) -> HairTree:
     """Return the tree of some clusters, which must have their parents among them."""
     index = np.flatnonzero(keep)
-    number = np.cumsum(keep) - 1
-    parent = np.asarray(tree.parent)[index]
+    number = np.where(keep, np.cumsum(keep) - 1, -1)
+    parent = np.asarray(tree.parent, int)[index]
     contour, cylinder, variation = jax.tree.map(
         lambda leaf: leaf[index], (tree.contour, tree.cylinder, tree.length_variation)
     )
     renumbered = tuple(int(number[p]) if p >= 0 else -1 for p in parent)
-    return HairTree(tree.scalp, contour, cylinder, variation, renumbered)
+    wisps = tree.wisps
+    if wisps is not None:
+        owner = number[np.asarray(wisps.owner)]
+        held = np.flatnonzero(owner >= 0)
+        wisps = jax.tree.map(lambda leaf: leaf[held], wisps)
+        owner = jnp.asarray(owner[held], wisps.owner.dtype)
+        wisps = eqx.tree_at(lambda w: w.owner, wisps, owner)
+    return HairTree(
+        tree.scalp, contour, cylinder, variation, renumbered, wisps, tree.maps
+    )
+
+
+def drop_descendants(tree: HairTree, index: int) -> HairTree:
+    """Return the tree in which a cluster has no children: what was below it is gone.
+
+    Clusters behind those that go change their indices, the cluster itself does not.
+    """
+    keep = np.ones(tree.count, bool)
+    keep[descendants(tree, index)] = False
+    return take(tree, keep)
+
+
+def drop(tree: HairTree, index: int) -> HairTree:
+    """Return the tree without a cluster and all below it."""
+    keep = np.ones(tree.count, bool)
+    keep[descendants(tree, index)] = False
+    keep[index] = False
+    return take(tree, keep)
+
+
+def graft(
+    tree: HairTree,
+    contour: ScalpContour,
+    cylinder: GeneralizedCylinder,
+    length_variation: Float[Array, " added"],
+    parent: Sequence[int],
+) -> HairTree:
+    """Return the tree with clusters added behind those that it has.
+
+    Args:
+        tree: The tree.
+        contour: Their scalp contours, stacked.
+        cylinder: Their cylinders, stacked, with as many knots as the tree's.
+        length_variation: Share of the length by which tips vary.
+        parent: The parent of each, in the new tree, -1 for root clusters: clusters
+            from `tree.count` on are the added ones, in their order.
+
+    Raises:
+        ValueError: If the numbers of knots differ or parents are not in order.
+    """
+    knots, added = tree.cylinder.skeleton.shape[1], cylinder.skeleton.shape[1]
+    if knots != added:
+        raise ValueError(
+            f"clusters of {added} knots cannot be grafted onto a tree of {knots}; "
+            "resample their skeletons first."
+        )
+    before = (tree.contour, tree.cylinder, tree.length_variation)
+    contour, cylinder, variation = jax.tree.map(
+        lambda old, new: jnp.concatenate([old, new]),
+        before,
+        (contour, cylinder, length_variation),
+    )
+    numbers = tree.parent + tuple(int(p) for p in parent)
+    return HairTree(
+        tree.scalp, contour, cylinder, variation, numbers, tree.wisps, tree.maps
+    )
 
 
 def plant(
