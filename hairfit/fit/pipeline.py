@@ -15,7 +15,7 @@ from ..capture.orientation import OrientationMap, estimate_orientation
 from ..capture.scalp_wrap import SeenHead, wrap_scalp
 from ..errors import InputError
 from ..evaluate.shape import strand_lengths
-from ..io.tree import load_tree, save_tree
+from ..io.tree import load_tree, round_tree, save_tree
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp, sample_roots, scalp_normal, scalp_point
 from ..model.tree import HairTree
@@ -151,7 +151,8 @@ def fit_capture(
         preset.refine,
         progress=lambda share: progress("refining the tree", 0.6 + 0.35 * share),
     )
-    tree = prune(tree, _samples(tree, preset, config), hull)
+    # Rounded as its file will hold it, so that the strands are those of the file.
+    tree = round_tree(prune(tree, _samples(tree, preset, config), hull))
     progress("drawing strands", 0.96)
     strands = derive_strands(tree, head, config.strands, STRAND_POINTS, config.seed)
     parent = np.asarray(tree.parent)
@@ -270,7 +271,7 @@ def _tree(
     fitted = fit_cylinders(layout, members)
     tree = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), fitted.tree)
     if store.folder is not None:
-        save_tree(store.path("tree.hairtree"), tree)
+        save_tree(store.path("tree.hairtree"), tree, exact=True)
         store.save("cylinders", {"error": np.array(fitted.error)})
     return tree, fitted.error
 

@@ -23,22 +23,25 @@ DAMAGE = (
 )
 
 
-def write_archive(path: Path, entries: Mapping[str, bytes]) -> None:
+def write_archive(
+    path: Path, entries: Mapping[str, bytes], *, compress: bool = False
+) -> None:
     """Write a zip file whose bytes depend on `entries` alone.
-
-    Entries are stored, not compressed: compressors differ between machines.
 
     Args:
         path: The file.
         entries: Content by name, in the order of the file.
+        compress: Deflate them. Compressors differ between machines, so only stored
+            entries are the same bytes everywhere.
     """
+    method = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
     with atomic_path(path) as new, zipfile.ZipFile(new, "w") as archive:
         for name, content in entries.items():
             # Zip's first possible time; the time of writing would change the bytes.
             info = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
             info.create_system = 3
             info.external_attr = 0o644 << 16
-            archive.writestr(info, content)
+            archive.writestr(info, content, method, compresslevel=9)
 
 
 def encode_array(array: np.ndarray) -> bytes:

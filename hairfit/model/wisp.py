@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from .curve import EXACT, linear_weights
 from .cylinder import Sections
@@ -59,7 +59,7 @@ def nearest_wisp(
         return np.concatenate([np.asarray(root, np.float64), row], axis=1)
 
     has = np.flatnonzero(np.isin(mine, np.asarray(wisps.owner)))
-    near = cKDTree(place(wisps.uv, wisps.owner))
+    near = KDTree(place(wisps.uv, wisps.owner))
     index = near.query(place(np.asarray(uv)[has], mine[has]))[1]
     found[has] = index
     return jnp.asarray(found)

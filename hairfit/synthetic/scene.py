@@ -119,7 +119,7 @@ def write_files(tree, head: Mesh, folder: Path, scene: Scene, progress) -> None:
     np.savez_compressed(
         folder / "truth.npz", points=strands.points, offsets=strands.offsets
     )
-    save_tree(folder / "tree.hairtree", tree)
+    save_tree(folder / "tree.hairtree", tree, exact=True)
     write_checksums(folder)
     progress("done", 1.0)
 

@@ -106,8 +106,9 @@ def test_growing_edited_clusters_alone_is_growing_all(tree, edited):
 
 
 def test_grafted_clusters_stand_behind_the_others(tree):
-    one = jax.tree.map(lambda leaf: leaf[1:], (tree.contour, tree.cylinder))
-    grown = model.graft(tree, *one, jnp.full(1, 0.3), (0,))
+    last = slice(1, None)
+    contour, cylinder = jax.tree.map(lambda x: x[last], (tree.contour, tree.cylinder))
+    grown = model.graft(tree, contour, cylinder, jnp.full(1, 0.3), (0,))
     assert grown.parent == (-1, -1, 0)
     assert jnp.all(grown.cylinder.skeleton[2] == tree.cylinder.skeleton[1])
     assert grown.length_variation.tolist() == [0.0, 0.0, 0.3]
