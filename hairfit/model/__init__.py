@@ -24,8 +24,10 @@ from .scalp import scalp_normal as scalp_normal
 from .scalp import scalp_point as scalp_point
 from .scalp import scalp_tangents as scalp_tangents
 from .scalp import scalp_uv as scalp_uv
+from .strand import Hair as Hair
 from .strand import grow_strands as grow_strands
 from .strand import regrow_strands as regrow_strands
+from .strand import sample_hair as sample_hair
 from .strand import sample_strands as sample_strands
 from .tree import HairTree as HairTree
 from .tree import ScalpContour as ScalpContour

@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +18,8 @@ from .cylinder import (
     sections_between,
 )
 from .frame import Frames
+from .fur import curl_pitch, curl_strands
+from .maps import keep_roots, root_attributes
 from .ownership import find_owner, local_coordinates
 from .scalp import Scalp, sample_roots, scalp_point
 from .tree import HairTree, ScalpContour
@@ -165,17 +168,45 @@ def strand_knots(
     return at if offset is None else at + wisp_points(here, offset, t)
 
 
+class Hair(NamedTuple):
+    """Strands, and where in the tree they grow.
+
+    Attributes:
+        strands: Root first, in metres.
+        uv: The roots in scalp space; `root_attributes` says what the maps have there.
+        owner: The leaf cluster of each.
+        eta: Share of the cluster's length that each reaches.
+    """
+
+    strands: Float[Array, "strands points 3"]
+    uv: Float[Array, "strands 2"]
+    owner: Int[Array, " strands"]
+    eta: Float[Array, " strands"]
+
+
 def sample_strands(
     tree: HairTree,
     count: int,
     points: int,
     key: PRNGKeyArray | UInt32[Array, " 2"],
 ) -> Float[Array, "strands points 3"]:
+    """Return `count` strands of a tree; see `sample_hair`."""
+    return sample_hair(tree, count, points, key).strands
+
+
+def sample_hair(
+    tree: HairTree,
+    count: int,
+    points: int,
+    key: PRNGKeyArray | UInt32[Array, " 2"],
+) -> Hair:
     """Return `count` strands of a tree, from random roots that have an owner.
 
     Roots are even over the scalp's area, and those that no cluster contains are left
-    out. Tips vary as each cluster's `length_variation` says. Fewer strands come back
-    only if clusters cover next to nothing of the scalp, and none if they cover nothing.
+    out. Tips vary as each cluster's `length_variation` says. In a tree with maps, the
+    share of the roots that grow, their lengths and the curls of single hairs are as
+    painted. Fewer strands come back only if clusters cover next to nothing of the
+    scalp, and none if they cover nothing.
 
     Runs outside `jit`.
 
@@ -193,11 +224,24 @@ def sample_strands(
             break
         uv = sample_roots(tree.scalp, batch, root_key)
         owner = np.asarray(find_owner(tree, uv))
-        roots.append(np.asarray(uv)[owner >= 0])
-        owners.append(owner[owner >= 0])
+        grows = owner >= 0
+        if tree.maps is not None:
+            keep_key = jax.random.fold_in(root_key, 1)
+            grows &= np.asarray(keep_roots(tree.maps, uv, keep_key))
+        roots.append(np.asarray(uv)[grows])
+        owners.append(owner[grows])
         found += len(owners[-1])
     uv = jnp.asarray(np.concatenate(roots)[:count])
     owner = jnp.asarray(np.concatenate(owners)[:count])
     vary = jax.random.uniform(eta_key, owner.shape, uv.dtype)
     eta = 1.0 - tree.length_variation[owner] * vary
-    return grow_strands(tree, uv, owner, eta, points)
+    if tree.maps is None:
+        return Hair(grow_strands(tree, uv, owner, eta, points), uv, owner, eta)
+    painted = root_attributes(tree.maps, uv)
+    eta = eta * painted.length.astype(eta.dtype)
+    strands = grow_strands(tree, uv, owner, eta, points)
+    phase_key = jax.random.fold_in(eta_key, 1)
+    phase = jax.random.uniform(phase_key, owner.shape, uv.dtype, 0.0, 2.0 * jnp.pi)
+    curl = painted.curl.astype(uv.dtype)
+    strands = curl_strands(strands, curl, curl_pitch(curl), phase)
+    return Hair(strands, uv, owner, eta)

@@ -1,3 +1,5 @@
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,6 +9,7 @@ from jax.test_util import check_grads
 
 from hairfit import model
 from hairfit.model import find_owner, grow_strands, sample_strands
+from hairfit.model.maps import even_maps
 from hairfit.model.strand import grow
 
 CIRCLES = [(0.3, 0.5, 0.25), (0.7, 0.5, 0.25), (0.3, 0.5, 0.15), (0.7, 0.4, 0.2)]
@@ -129,3 +132,44 @@ def test_a_tree_that_covers_nothing_has_no_strands(dome, make_tree):
 def test_a_tree_that_covers_little_gives_as_many_strands_as_asked(dome, make_tree):
     tree = make_tree(dome, [(0.5, 0.5, 0.1)], (-1,))
     assert sample_strands(tree, 500, 5, jax.random.key(0)).shape == (500, 5, 3)
+
+
+def painted(tree, **fields):
+    maps = even_maps(5, 5)
+    maps = dataclasses.replace(maps, **fields)
+    return dataclasses.replace(tree, maps=maps)
+
+
+def test_unpainted_maps_change_no_strand(tree):
+    plain = sample_strands(tree, 60, 9, jax.random.key(0))
+    same = sample_strands(painted(tree), 60, 9, jax.random.key(0))
+    assert jnp.allclose(same, plain, rtol=0, atol=1e-14)
+
+
+def test_no_hair_grows_where_the_scalp_is_painted_bald(tree):
+    density = jnp.ones((5, 5)).at[2:].set(0.0)  # linear from 1 at u = 1/4 to 0
+    hair = model.sample_hair(painted(tree, density=density), 400, 5, jax.random.key(0))
+    assert hair.strands.shape == (400, 5, 3)
+    assert jnp.max(hair.uv[:, 0]) < 0.5
+    # Where it falls off, as much hair grows as the density says.
+    even = model.sample_hair(tree, 2000, 5, jax.random.key(1)).uv[:, 0]
+    weight = np.interp(even, np.linspace(0.0, 1.0, 5), density[:, 0])
+    want = np.sum(weight[even > 0.25]) / np.sum(weight)
+    assert abs(jnp.mean(hair.uv[:, 0] > 0.25) - want) < 0.08
+
+
+def test_painted_lengths_shorten_what_grows(tree):
+    half = painted(tree, length=jnp.full((5, 5), 0.5))
+    hair = model.sample_hair(half, 30, 9, jax.random.key(0))
+    assert jnp.allclose(hair.eta, 0.5)
+    want = grow_strands(tree, hair.uv, hair.owner, jnp.full(30, 0.5), 9)
+    assert jnp.allclose(hair.strands, want, rtol=0, atol=1e-14)
+
+
+def test_painted_curls_keep_roots_and_stay_near_the_strand(tree):
+    curl = painted(tree, curl=jnp.full((5, 5), 0.004))
+    hair = model.sample_hair(curl, 30, 60, jax.random.key(0))
+    plain = grow_strands(tree, hair.uv, hair.owner, hair.eta, 60)
+    apart = jnp.linalg.norm(hair.strands - plain, axis=2)
+    assert jnp.all(apart[:, 0] == 0.0)
+    assert jnp.allclose(jnp.max(apart, axis=1), 0.004, rtol=1e-6)
