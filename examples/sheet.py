@@ -99,12 +99,13 @@ class Sheet:
         )
         self.axes = self.figure.subplots(rows, columns, squeeze=False).ravel()
         self.next = 0
+        self.letters = size[0] // 10  # of a line of the title
 
     def add(self, title: str, picture: UInt8[np.ndarray, "height width 3"] | None):
         """Add a picture, or an empty drawing, and return its axes."""
         axes = self.axes[self.next]
         self.next += 1
-        axes.set_title("\n".join(textwrap.wrap(title, 44)), fontsize=8)
+        axes.set_title("\n".join(textwrap.wrap(title, self.letters)), fontsize=8)
         if picture is not None:
             axes.imshow(picture)
             axes.set_xlim(-0.5, picture.shape[1] - 0.5)

@@ -9,11 +9,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .contour import ANGLES, contour_radius
-from .tree import HairTree, ScalpContour, descendants, leaves, levels
+from .tree import HairTree, ScalpContour, leaves, levels, rows_of
 from .vector import TINY, norm
 
-# Strands whose distances to leaves are held at once.
-CHUNK = 4096
+# Distances from strands to leaves that are held at once.
+CHUNK = 2**18
+# The 32 even angles as the arctangent has them, with both of its ends.
+TURN = np.linspace(-np.pi, np.pi, ANGLES + 1)
 
 
 class LocalCoordinates(NamedTuple):
@@ -89,7 +91,10 @@ def find_owner(
     Taken by the letter, the figure compares a child with its parent too ("closer to H
     than O", while O is the parent), and could return a parent. The text rules both
     out, so the comparison starts afresh at each level and among the leaves. Equal
-    distances go to the smaller index.
+    distances go to the smaller index. In a tree without clusters no root has an owner.
+
+    A cluster that gets children loses no root: what none of them contains goes to the
+    closest leaf below. So subdivision keeps the number of strands.
 
     This is topology, without gradients, and runs outside `jit`.
 
@@ -98,73 +103,126 @@ def find_owner(
         uv: The roots.
     """
     roots = np.asarray(uv, np.float64)
-    size = np.asarray(tree.contour.radius, np.float64)
-    reach = size[:, None] + np.asarray(tree.contour.offset, np.float64)
-    centre = np.asarray(tree.contour.centre, np.float64)
+    along_u = np.argsort(roots[:, 0], kind="stable")
+    u, v = roots[along_u].T
+    u, v = np.ascontiguousarray(u), np.ascontiguousarray(v)
+    outlines = outlines_of(tree.contour)
     parent = np.asarray(tree.parent, int)
-    owner = np.full(len(roots), -1, np.int32)
+    # Small numbers are sorted in one pass.
+    narrow = np.int16 if tree.count < 2**15 else np.int32
+    owner = np.full(len(roots), -1, narrow)
     for level in levels(tree):
         # By holder and then by u: what a contour may contain is one slice.
-        order = np.lexsort((roots[:, 0], owner))
-        sorted_roots = roots[order]
+        order = np.argsort(owner, kind="stable")
         start = np.searchsorted(owner[order], np.arange(-1, tree.count + 1))
-        nearest = np.full(len(roots), np.inf)
+        held = Held(u[order], v[order], owner[order], np.full(len(order), np.inf))
         for index in level:
-            held = slice(start[parent[index] + 1], start[parent[index] + 2])
-            inside, distance = roots_inside(
-                centre[index], reach[index], sorted_roots[held]
-            )
-            strand = order[held][inside]
-            closer = distance < nearest[strand]
-            nearest[strand[closer]] = distance[closer]
-            owner[strand[closer]] = index
-    to_closest_leaf(tree, roots, owner)
-    return jnp.asarray(owner)
+            holder = parent[index] + 1
+            mine = slice(start[holder], start[holder + 1])
+            claim(outlines, int(index), Held(*(x[mine] for x in held)))
+        owner[order] = held.owner
+    to_closest_leaf(tree, u, v, owner)
+    found = np.empty(len(roots), np.int32)
+    found[along_u] = owner
+    return jnp.asarray(found)
 
 
-class Inside(NamedTuple):
-    """Which roots a contour contains, and their distances from its centre."""
+class Outlines(NamedTuple):
+    """The contours of all clusters, on the host.
 
-    index: np.ndarray
-    distance: np.ndarray
-
-
-def roots_inside(centre: np.ndarray, reach: np.ndarray, roots: np.ndarray) -> Inside:
-    """Return which of many roots, sorted by u, one contour contains.
-
-    `contains` on the host, after a box around the contour as in the thesis.
-
-    Args:
-        centre: Centre of the contour.
-        reach: Its radii at the 32 even angles.
-        roots: The roots.
+    Attributes:
+        centre: Their centres.
+        reach: Their radii at the 32 even angles from -pi to pi, both ends included.
+        inner: The radius within which a contour contains everything.
+        outer: The radius beyond which it contains nothing.
     """
-    box = reach.max()
-    first, last = np.searchsorted(roots[:, 0], [centre[0] - box, centre[0] + box])
-    near = np.abs(roots[first:last, 1] - centre[1]) <= box
-    index = first + np.flatnonzero(near)
-    du, dv = (roots[index] - centre).T
-    distance = np.sqrt(du * du + dv * dv)
-    angles = np.arange(ANGLES) * (2.0 * np.pi / ANGLES)
-    radius = np.interp(np.arctan2(dv, du), angles, reach, period=2.0 * np.pi)
-    inside = distance <= radius
-    return Inside(index[inside], distance[inside])
+
+    centre: np.ndarray
+    reach: np.ndarray
+    inner: np.ndarray
+    outer: np.ndarray
 
 
-def to_closest_leaf(tree: HairTree, roots: np.ndarray, owner: np.ndarray) -> None:
+class Held(NamedTuple):
+    """The roots that siblings share out, sorted by u; `owner`, `nearest` are written.
+
+    Attributes:
+        u: Of the roots.
+        v: Of the roots.
+        owner: The sibling that has each root by now, else what it was before.
+        nearest: Square of the distance from that sibling's centre, else infinite.
+    """
+
+    u: np.ndarray
+    v: np.ndarray
+    owner: np.ndarray
+    nearest: np.ndarray
+
+
+def outlines_of(contour: ScalpContour) -> Outlines:
+    """Return stacked contours as `claim` takes them."""
+    size = np.asarray(contour.radius, np.float64)
+    reach = size[:, None] + np.asarray(contour.offset, np.float64)
+    # Rounding in between may leave the range of the 32 radii by a hair.
+    inner, outer = reach.min(axis=1) - TINY, reach.max(axis=1) + TINY
+    reach = np.roll(reach, ANGLES // 2, axis=1)
+    reach = np.concatenate([reach, reach[:, :1]], axis=1)
+    return Outlines(np.asarray(contour.centre, np.float64), reach, inner, outer)
+
+
+def claim(outlines: Outlines, index: int, held: Held) -> None:
+    """Give a sibling, in place, the roots that it contains and is closest to by now.
+
+    The thesis tests a box around the contour first. Here the circles around and within
+    it decide for most roots, and only the ring between them needs the angle.
+    """
+    (cu, cv), outer = outlines.centre[index], outlines.outer[index]
+    if outer < 0.0:
+        return
+    first, last = held.u.searchsorted((cu - outer, cu + outer))
+    du, dv = held.u[first:last] - cu, held.v[first:last] - cv
+    square = du * du + dv * dv
+    nearest = held.nearest[first:last]
+    some = np.flatnonzero(square <= np.minimum(nearest, outer * outer))
+    if not len(some):
+        return
+    square = square[some]
+    distance = np.sqrt(square)
+    # Of equal distances the first sibling keeps the root.
+    inside = distance < np.sqrt(nearest[some])
+    ring = np.flatnonzero(inside & (distance > outlines.inner[index]))
+    if len(ring):
+        at = some[ring]
+        radius = np.interp(np.arctan2(dv[at], du[at]), TURN, outlines.reach[index])
+        inside[ring] = distance[ring] <= radius
+    won = first + some[inside]
+    held.owner[won] = index
+    held.nearest[won] = square[inside]
+
+
+def to_closest_leaf(
+    tree: HairTree, u: np.ndarray, v: np.ndarray, owner: np.ndarray
+) -> None:
     """Hand on, in place, what clusters with children own to the closest leaf below."""
-    is_leaf = np.zeros(tree.count, bool)
-    is_leaf[leaves(tree)] = True
+    stops = np.setdiff1d(owner, np.append(leaves(tree), -1))
+    below = {int(index): [] for index in stops}
+    for leaf in leaves(tree):
+        above = tree.parent[leaf]
+        while above >= 0:
+            if above in below:
+                below[above].append(leaf)
+            above = tree.parent[above]
     centre = np.asarray(tree.contour.centre, np.float64)
-    stopped = np.flatnonzero((owner >= 0) & ~is_leaf[owner])
-    for index in np.unique(owner[stopped]):
-        below = descendants(tree, int(index))
-        below = below[is_leaf[below]]
-        mine = stopped[owner[stopped] == index]
-        for i in range(0, len(mine), CHUNK):
-            some = mine[i : i + CHUNK]
-            rest = roots[some, None] - centre[None, below]
-            owner[some] = below[np.argmin(np.hypot(rest[..., 0], rest[..., 1]), axis=1)]
+    for index, found in below.items():
+        leaf = np.array(found)
+        mine = np.flatnonzero(owner == index)
+        step = max(1, CHUNK // len(leaf))
+        for i in range(0, len(mine), step):
+            some = mine[i : i + step]
+            du = u[some, None] - centre[None, leaf, 0]
+            dv = v[some, None] - centre[None, leaf, 1]
+            closest = np.argmin(np.sqrt(du * du + dv * dv), axis=1)
+            owner[some] = leaf[closest]
 
 
 def rehouse_wisps(tree: HairTree) -> HairTree:
@@ -177,7 +235,7 @@ def rehouse_wisps(tree: HairTree) -> HairTree:
         return tree
     owner = np.asarray(find_owner(tree, tree.wisps.uv))
     held = np.flatnonzero(owner >= 0)
-    wisps = jax.tree.map(lambda leaf: leaf[held], tree.wisps)
+    wisps = jax.tree.map(lambda leaf: rows_of(leaf, held), tree.wisps)
     owner = jnp.asarray(owner[held], wisps.owner.dtype)
     wisps = eqx.tree_at(lambda w: w.owner, wisps, owner)
     return eqx.tree_at(lambda t: t.wisps, tree, wisps)

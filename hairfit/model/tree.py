@@ -8,7 +8,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, ScalarLike
+from jax.core import Tracer
+from jaxtyping import Array, Bool, Float, Int, ScalarLike
 
 from .contour import ANGLES, contour_radius
 from .cylinder import GeneralizedCylinder
@@ -132,19 +133,34 @@ def take(tree: HairTree, keep: Bool[np.ndarray, " clusters"]) -> HairTree:
     number = np.where(keep, np.cumsum(keep) - 1, -1)
     parent = np.asarray(tree.parent, int)[index]
     contour, cylinder, variation = jax.tree.map(
-        lambda leaf: leaf[index], (tree.contour, tree.cylinder, tree.length_variation)
+        lambda leaf: rows_of(leaf, index),
+        (tree.contour, tree.cylinder, tree.length_variation),
     )
     renumbered = tuple(int(number[p]) if p >= 0 else -1 for p in parent)
     wisps = tree.wisps
     if wisps is not None:
         owner = number[np.asarray(wisps.owner)]
         held = np.flatnonzero(owner >= 0)
-        wisps = jax.tree.map(lambda leaf: leaf[held], wisps)
+        wisps = jax.tree.map(lambda leaf: rows_of(leaf, held), wisps)
         owner = jnp.asarray(owner[held], wisps.owner.dtype)
         wisps = eqx.tree_at(lambda w: w.owner, wisps, owner)
     return HairTree(
         tree.scalp, contour, cylinder, variation, renumbered, wisps, tree.maps
     )
+
+
+def rows_of(array: Array, index: Int[np.ndarray, " rows"]) -> Array:
+    """Return rows of an array, on the host: each number of rows would be compiled."""
+    if isinstance(array, Tracer):
+        return array[index]
+    return jnp.asarray(np.asarray(array)[index])
+
+
+def joined(first: Array, second: Array) -> Array:
+    """Return the rows of two arrays, on the host for the same reason."""
+    if isinstance(first, Tracer) or isinstance(second, Tracer):
+        return jnp.concatenate([first, second])
+    return jnp.asarray(np.concatenate([np.asarray(first), np.asarray(second)]))
 
 
 def drop_descendants(tree: HairTree, index: int) -> HairTree:
@@ -193,9 +209,7 @@ def graft(
         )
     before = (tree.contour, tree.cylinder, tree.length_variation)
     contour, cylinder, variation = jax.tree.map(
-        lambda old, new: jnp.concatenate([old, new]),
-        before,
-        (contour, cylinder, length_variation),
+        joined, before, (contour, cylinder, length_variation)
     )
     numbers = tree.parent + tuple(int(p) for p in parent)
     return HairTree(

@@ -140,9 +140,42 @@ def test_between_the_children_the_closest_leaf_below_owns():
     assert owners(tree, (0.5, 0.5), (0.7, 0.51), (0.3, 0.5)) == [4, 2, 3]
 
 
-def test_an_empty_tree_of_strands_is_fine():
+def test_no_strands_have_no_owners():
     tree = circles((0.5, 0.5, 0.4), parent=(-1,))
     assert find_owner(tree, np.zeros((0, 2))).shape == (0,)
+
+
+def test_in_a_tree_without_clusters_no_root_has_an_owner():
+    empty = model.drop(circles((0.5, 0.5, 0.4), parent=(-1,)), 0)
+    assert empty.count == 0
+    assert owners(empty, (0.5, 0.5), (0.1, 0.9)) == [-1, -1]
+    assert find_owner(empty, np.zeros((0, 2))).shape == (0,)
+    assert model.levels(empty) == ()
+    assert len(model.leaves(empty)) == 0
+    assert len(model.children(empty, -1)) == 0
+
+
+def test_clusters_at_one_place_leave_all_to_the_first_leaf():
+    tree = circles(*[(0.5, 0.5, 0.2)] * 5, parent=(-1, -1, 0, 0, 1))
+    assert owners(tree, (0.5, 0.5), (0.5, 0.65), (0.9, 0.9)) == [2, 2, -1]
+
+
+def test_between_children_of_equal_distance_the_first_owns():
+    tree = circles(
+        (0.5, 0.5, 0.5), (0.75, 0.5, 0.125), (0.25, 0.5, 0.125), parent=(-1, 0, 0)
+    )
+    assert owners(tree, (0.5, 0.5), (0.5, 0.75), (0.375, 0.5)) == [1, 1, 2]
+
+
+def test_a_contour_with_nothing_inside_owns_nothing():
+    # Not even a root at its centre, if its radius is negative.
+    tree = circles((0.5, 0.5, 0.0), (0.3, 0.3, -0.1), parent=(-1, -1))
+    assert owners(tree, (0.5, 0.5), (0.5, 0.50001), (0.3, 0.3)) == [0, -1, -1]
+
+
+def test_a_chain_of_clusters_is_followed_to_its_end():
+    chain = circles(*[(0.5, 0.5, 0.4)] * 40, parent=range(-1, 39))
+    assert owners(chain, (0.5, 0.6), (0.5, 0.95)) == [39, -1]
 
 
 @st.composite
@@ -165,6 +198,39 @@ def test_owners_are_those_of_the_figure(parent, seed):
     tree, uv = ragged_tree(parent, rng), rng.uniform(size=(40, 2))
     want = [figure_4_15(tree, *root) for root in uv.tolist()]
     assert find_owner(tree, uv).tolist() == want
+
+
+@settings(max_examples=60, deadline=None)
+@given(topologies(), st.integers(0, 2**31))
+def test_owners_are_those_of_the_figure_where_distances_are_equal(parent, seed):
+    # Centres, radii and roots of a coarse grid: ties at every turn, and on borders.
+    rng = np.random.default_rng(seed)
+    rows = rng.integers(0, 5, (len(parent), 3)) / 4
+    tree, uv = circles(*rows, parent=parent), rng.integers(0, 9, (60, 2)) / 8
+    want = [figure_4_15(tree, *root) for root in uv.tolist()]
+    assert find_owner(tree, uv).tolist() == want
+
+
+@settings(max_examples=40, deadline=None)
+@given(topologies(), st.integers(0, 2**31))
+def test_only_leaves_own_and_all_that_a_root_cluster_contains_is_owned(parent, seed):
+    rng = np.random.default_rng(seed)
+    rows = rng.uniform([0.0, 0.0, 0.0], [1.0, 1.0, 0.5], (len(parent), 3))
+    tree, uv = circles(*rows, parent=parent), rng.uniform(size=(60, 2))
+    owner = np.asarray(find_owner(tree, uv))
+    assert set(owner.tolist()) <= {-1, *model.leaves(tree).tolist()}
+    top = rows[np.asarray(parent) < 0]
+    apart = np.linalg.norm(uv[:, None] - top[None, :, :2], axis=2)
+    assert np.array_equal(owner >= 0, np.any(apart <= top[:, 2], axis=1))
+
+
+@settings(max_examples=20, deadline=None)
+@given(topologies(), st.integers(0, 2**31))
+def test_owners_do_not_depend_on_the_order_of_the_roots(parent, seed):
+    rng = np.random.default_rng(seed)
+    tree, uv = ragged_tree(parent, rng), rng.uniform(size=(60, 2))
+    order = rng.permutation(60)
+    assert np.array_equal(find_owner(tree, uv)[order], find_owner(tree, uv[order]))
 
 
 @pytest.mark.parametrize("seed", range(5))
