@@ -6,11 +6,13 @@ import textwrap
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, UInt8
 from matplotlib.figure import Figure
 
-from hairfit.model import HairTree, Scalp
+from hairfit.model import HairTree, Scalp, cluster, cylinder_knots
 from hairfit.render.camera import Camera
 from hairfit.render.raster import project_points
 from hairfit.report.drawing import draw_hair, orbit_camera
@@ -79,15 +81,11 @@ def cross_sections(
     tree: HairTree, index: int, turns: int = 33
 ) -> Float[np.ndarray, "knots turns 3"]:
     """Return the contours of one cluster in the world, closed, one a knot."""
-    import jax
-    import jax.numpy as jnp
-
-    from hairfit.model import cluster, cylinder_knots
-
     theta = jnp.linspace(0.0, 2.0 * jnp.pi, turns)
-    one = cluster(tree.cylinder, index)
-    around = jax.jit(jax.vmap(cylinder_knots, (None, None, 0), 1))
-    return np.asarray(around(one, 1.0, theta))
+    return np.asarray(around(cluster(tree.cylinder, index), 1.0, theta))
+
+
+around = jax.jit(jax.vmap(cylinder_knots, (None, None, 0), 1))
 
 
 class Sheet:

@@ -58,6 +58,8 @@ def tree_facts(tree: HairTree) -> dict[str, Any]:
         "clusters_per_level": np.bincount(depth).tolist(),
         "knots": skeleton.shape[1],
         "mean_length_m": float(length.mean()),
+        "wisps": 0 if tree.wisps is None else len(tree.wisps.owner),
+        "maps": "no" if tree.maps is None else "yes",
     }
 
 

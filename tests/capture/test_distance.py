@@ -1,8 +1,10 @@
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import trimesh
 
-from hairfit.capture.distance import push_out, signed_distance
+from hairfit.capture.distance import head_field, push_out, signed_distance
+from hairfit.model.collide import push_out_points
 from hairfit.types import Mesh
 
 RADIUS, CENTRE = 0.09, np.array([0.3, -0.2, 0.5])
@@ -78,3 +80,27 @@ def test_nothing_is_changed_where_nothing_is_inside(ball, points):
     found = push_out(mesh_of(ball), outside, 0.001)
     assert np.array_equal(found, outside)
     assert found is not outside
+
+
+def test_the_field_of_a_head_holds_its_distances(ball):
+    field = head_field(mesh_of(ball), 0.008, 0.02)
+    origin, shape = np.asarray(field.origin), field.distance.shape
+    assert np.allclose(origin, CENTRE - RADIUS - 0.02, atol=FACETS)
+    last = origin + 0.008 * (np.array(shape) - 1)
+    assert (last >= CENTRE + RADIUS + 0.02 - 2 * FACETS).all()
+    assert (last < CENTRE + RADIUS + 0.02 + 0.008).all()
+    index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
+    exact = from_centre(origin + 0.008 * index.reshape(-1, 3)) - RADIUS
+    assert np.abs(field.distance.reshape(-1) - exact).max() < FACETS
+
+
+def test_the_field_moves_points_as_the_mesh_does(ball, points):
+    head, gap = mesh_of(ball), 0.0005
+    shallow = points[from_centre(points) > 0.9 * RADIUS]
+    found = push_out_points(head_field(head), jnp.asarray(shallow), gap)
+    slow = push_out(head, shallow, gap)
+    # The mesh moves what is inside, the field what is below the gap; deeper points land
+    # apart, as the mesh has facets.
+    clear = np.abs(from_centre(shallow) - RADIUS) > 2 * gap
+    assert clear.sum() > 150
+    assert np.abs(np.asarray(found) - slow)[clear].max() < 5e-4
