@@ -224,21 +224,26 @@ def follow_samples(axis: Axis, p: Float[Array, "knots 3"]) -> Int[Array, " knots
     distance = jax.vmap(squared_distances, (None, 0))(axis, p)
     pieces = norm(axis.sample[1:] - axis.sample[:-1])
     along = jnp.concatenate([jnp.zeros(1, p.dtype), jnp.cumsum(pieces)])
-    advance = along[None, :] - along[:, None]
-    backwards = jnp.tri(len(along), k=-1, dtype=bool)
+    place = jnp.arange(len(along))
     step = norm(p[1:] - p[:-1])
+
+    def ways(cost, step, sample):
+        advance = along[sample] - along
+        return jnp.where(place > sample, jnp.inf, cost + (advance - step) ** 2)
 
     def forward(cost, knot):
         distance, step = knot
-        ways = cost[:, None] + (advance - step) ** 2
-        ways = jnp.where(backwards, jnp.inf, ways)
-        return jnp.min(ways, axis=0) + distance, jnp.argmin(ways, axis=0)
+        best = jax.vmap(lambda sample: jnp.min(ways(cost, step, sample)))(place)
+        return best + distance, cost
 
-    cost, came = jax.lax.scan(forward, distance[0], (distance[1:], step))
+    # The way back is found from the costs: cheaper than to keep where each came from.
+    cost, costs = jax.lax.scan(forward, distance[0], (distance[1:], step))
+
+    def back(sample, knot):
+        cost, step = knot
+        before = jnp.argmin(ways(cost, step, sample))
+        return before, before
+
     last = jnp.argmin(cost)
-
-    def back(sample, came):
-        return came[sample], came[sample]
-
-    rest = jax.lax.scan(back, last, came, reverse=True)[1]
+    rest = jax.lax.scan(back, last, (costs, step), reverse=True)[1]
     return jnp.concatenate([rest, last[None]])
