@@ -226,6 +226,44 @@ class GrowStrands:
 
 
 @dataclasses.dataclass(frozen=True)
+class Gallery:
+    """Write a named hairstyle as a tree, or list their names.
+
+    The styles are built by the operations of `hairfit.model` on the head of
+    `hairfit synth`; `--head` takes one over to another head.
+    """
+
+    name: Annotated[Positional[str | None], arg(metavar="NAME")] = None
+    """The hairstyle; without it all names are printed."""
+    out: Annotated[Path | None, arg(metavar="TREE")] = None
+    """The tree to write: .hairtree."""
+    head: Annotated[Path | None, arg(metavar="MESH")] = None
+    """The head that the hair shall grow on, in metres, y up and the face to +z."""
+    seed: int = 0
+    """The same seed gives the same hairstyle."""
+
+    def run(self) -> None:
+        """Print the names, or write one tree."""
+        from .synthetic.gallery import GALLERY, make_gallery_tree
+
+        if self.name is None:
+            print("\n".join(GALLERY))
+            return
+        out = self.out or Path(f"{self.name}.hairtree")
+        if out.suffix != ".hairtree":
+            raise InputError(f"--out '{out}' must end with .hairtree; rename it.")
+        from .io.mesh import load_mesh
+        from .io.tree import save_tree
+        from .synthetic.wear import wear
+
+        head = None if self.head is None else load_mesh(self.head)
+        tree = make_gallery_tree(self.name, self.seed)
+        save_tree(out, tree if head is None else wear(tree, head))
+        print(f"wrote '{out}'")
+        print(f"try `hairfit render {out} --out {self.name}.png`")
+
+
+@dataclasses.dataclass(frozen=True)
 class Info:
     """Say what a capture, a result, a tree or a file of strands holds."""
 
@@ -252,6 +290,7 @@ Command = (
     | Annotated[Evaluate, subcommand("evaluate")]
     | Annotated[Render, subcommand("render")]
     | Annotated[GrowStrands, subcommand("strands")]
+    | Annotated[Gallery, subcommand("gallery")]
     | Annotated[Info, subcommand("info")]
 )
 

@@ -11,11 +11,14 @@ from hairfit import fit
 from hairfit.capture.orientation import OrientationMap
 from hairfit.capture.photos import read_photo
 from hairfit.cli import main
+from hairfit.io.mesh import save_mesh
 from hairfit.io.strands import load_strands, save_strands
+from hairfit.io.tree import load_tree
 from hairfit.model.cylinder import GeneralizedCylinder
 from hairfit.model.scalp import Scalp
 from hairfit.model.tree import HairTree, ScalpContour
-from hairfit.types import Strands
+from hairfit.synthetic import head_distance, make_head
+from hairfit.types import Mesh, Strands
 
 
 @pytest.fixture
@@ -288,3 +291,28 @@ def test_commands_are_frozen():
 
     for command in (cli.Fit, cli.Synth, cli.Evaluate, cli.Render, cli.Info):
         assert dataclasses.fields(command) and command.__doc__
+
+
+def test_gallery_lists_its_hairstyles(capsys):
+    assert main(["gallery"]) == 0
+    names = capsys.readouterr().out.split()
+    assert {"bob", "braid", "afro"} <= set(names) and len(names) >= 12
+
+
+def test_gallery_refuses_what_it_has_not(tmp_path, capsys):
+    assert main(["gallery", "mullet", "--out", str(tmp_path / "a.hairtree")]) == 2
+    assert "the gallery has no style 'mullet'" in capsys.readouterr().err
+    assert main(["gallery", "bob", "--out", str(tmp_path / "a.obj")]) == 2
+    assert "must end with .hairtree" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_gallery_puts_a_hairstyle_onto_another_head(tmp_path, capsys):
+    small = make_head()
+    mesh = tmp_path / "head.obj"
+    save_mesh(mesh, Mesh(0.9 * small.vertices + [0.0, 0.5, 0.0], small.faces))
+    out = tmp_path / "buzz.hairtree"
+    assert main(["gallery", "buzz-cut", "--out", str(out), "--head", str(mesh)]) == 0
+    roots = np.asarray(load_tree(out).cylinder.skeleton)[:, 0]
+    away = head_distance((roots - [0.0, 0.5, 0.0]) / 0.9)
+    assert np.abs(away).max() < 0.002

@@ -149,14 +149,14 @@ def take(tree: HairTree, keep: Bool[np.ndarray, " clusters"]) -> HairTree:
     )
 
 
-def rows_of(array: Array, index: Int[np.ndarray, " rows"]) -> Array:
+def rows_of(array: Array | np.ndarray, index: Int[np.ndarray, " rows"]) -> Array:
     """Return rows of an array, on the host: each number of rows would be compiled."""
     if isinstance(array, Tracer):
         return array[index]
     return jnp.asarray(np.asarray(array)[index])
 
 
-def joined(first: Array, second: Array) -> Array:
+def joined(first: Array | np.ndarray, second: Array | np.ndarray) -> Array:
     """Return the rows of two arrays, on the host for the same reason."""
     if isinstance(first, Tracer) or isinstance(second, Tracer):
         return jnp.concatenate([first, second])
