@@ -26,12 +26,12 @@ from sheet import (
 from hairfit.capture.distance import head_field
 from hairfit.model import HairTree, children, descendants, sample_strands, take
 from hairfit.model.collide import push_out_tree
-from hairfit.model.comb import attract, comb, smooth
 from hairfit.model.edit import Binding, Grip, Plane
-from hairfit.model.mirror import mirror
 from hairfit.model.parting import Parting, part
+from hairfit.model.reflect import mirror
 from hairfit.model.reshape import Curl, bend, curl, move, rotate, scale, twist
 from hairfit.model.scalp import scalp_uv
+from hairfit.model.stroke import attract, comb, smooth
 from hairfit.model.style import resample_knots
 from hairfit.model.trim import cut, lengthen
 from hairfit.synthetic import make_style
@@ -45,9 +45,9 @@ ACROSS = (-0.08, 0.08, -0.04, 0.04, 0.0)  # strokes of a comb
 X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 
-def view(azimuth_deg: float, box=BOX):
+def view(azimuth_deg: float, box=BOX, elevation_deg: float = 8.0):
     """Return a camera from a side."""
-    return look_from(azimuth_deg, 8.0, SIZE, **box)
+    return look_from(azimuth_deg, elevation_deg, SIZE, **box)
 
 
 def hair(tree: HairTree, strands: int) -> np.ndarray:
@@ -141,7 +141,8 @@ def skeletons(sheet: Sheet, title: str, tree: HairTree, camera, colours) -> Axes
 def tools(sheet: Sheet, tree: HairTree, wavy: HairTree, strands: int) -> None:
     """Add what else can be done, to all root clusters of a hairstyle."""
     roots = children(tree, -1)
-    parted = off_the_head(part(tree, side_line(), Parting(0.06, 0.05, 0.6)))
+    parted = off_the_head(part(tree, middle(), Parting(0.05, 0.06, 0.8)))
+    bob = cut(tree, roots, Plane((0.0, -0.05, 0.0), -Y - 0.5 * X))
     strokes = [
         [(x, 0.12, 0.09), (1.3 * x, 0.1, -0.04), (x, 0.0, -0.13)] for x in ACROSS
     ]
@@ -159,23 +160,24 @@ def tools(sheet: Sheet, tree: HairTree, wavy: HairTree, strands: int) -> None:
         ("a hairstyle", 35.0, tree),
         ("bend: ends turned out", 35.0, flipped(tree)),
         ("curl", 35.0, curls),
-        ("cut by a plane", 35.0, cut(tree, roots, Plane((0.0, -0.04, 0.0), -Y))),
+        ("cut by a slanting plane", 0.0, bob),
+        ("mirror", 0.0, mirror(bob)),
         ("lengthen", 35.0, lengthen(tree, roots, 1.4)),
         ("comb: strokes to the back", 65.0, off_the_head(combed)),
-        ("part at the side", 0.0, parted),
-        ("mirror", 0.0, mirror(parted)),
+        ("part along the middle", 20.0, parted),
         ("attract to a curve behind", 100.0, off_the_head(drawn)),
         ("rotate: lifted at the roots", 0.0, lifted),
         ("wavy hair", 35.0, wavy),
         ("... smoothed", 35.0, smooth(wavy, np.arange(wavy.count), rounds=12)),
     ):
-        sheet.add(title, photograph(hair(now, strands), view(azimuth)))
+        camera = view(azimuth, elevation_deg=40.0 if now is parted else 8.0)
+        sheet.add(title, photograph(hair(now, strands), camera))
 
 
-def side_line() -> np.ndarray:
-    """Return a line on the scalp, from the brow to the crown, left of the middle."""
-    z = np.linspace(0.075, -0.04, 5)
-    p = jnp.asarray(np.stack([0.035 + 0.0 * z, 0.11 + 0.0 * z, z], 1), jnp.float32)
+def middle() -> np.ndarray:
+    """Return a line on the scalp, from the brow to the crown."""
+    z = np.linspace(0.09, -0.06, 5)
+    p = jnp.asarray(np.stack([0.005 + 0.0 * z, 0.11 + 0.0 * z, z], 1), jnp.float32)
     return np.asarray(jax.vmap(scalp_uv, (None, 0))(subject().scalp, p))
 
 

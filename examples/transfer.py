@@ -21,7 +21,7 @@ from hairfit.capture.scalp_wrap import wrap_scalp
 from hairfit.io.mesh import load_mesh
 from hairfit.model import HairTree, Scalp, sample_strands, scalp_point
 from hairfit.model.collide import DistanceField, push_out_strands
-from hairfit.model.transfer import align_scalp, transfer
+from hairfit.model.warp import align_scalp, transfer
 from hairfit.render.camera import Camera
 from hairfit.report.drawing import draw_hair
 from hairfit.synthetic import make_style

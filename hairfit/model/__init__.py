@@ -12,9 +12,6 @@ from .collide import push_out_points as push_out_points
 from .collide import push_out_strands as push_out_strands
 from .collide import push_out_tree as push_out_tree
 from .collide import sample_field as sample_field
-from .comb import attract as attract
-from .comb import comb as comb
-from .comb import smooth as smooth
 from .combed import CombedShell as CombedShell
 from .combed import comb_cluster as comb_cluster
 from .combing import Comb as Comb
@@ -60,7 +57,6 @@ from .maps import root_attributes as root_attributes
 from .maps import sample_map as sample_map
 from .maps import sample_roots_by_density as sample_roots_by_density
 from .maps import smooth_map as smooth_map
-from .mirror import mirror as mirror
 from .ownership import LocalCoordinates as LocalCoordinates
 from .ownership import contains as contains
 from .ownership import find_owner as find_owner
@@ -68,6 +64,7 @@ from .ownership import local_coordinates as local_coordinates
 from .ownership import rehouse_wisps as rehouse_wisps
 from .parting import Parting as Parting
 from .parting import part as part
+from .reflect import mirror as mirror
 from .reshape import Curl as Curl
 from .reshape import bend as bend
 from .reshape import curl as curl
@@ -110,6 +107,9 @@ from .strand import grow_strands as grow_strands
 from .strand import regrow_strands as regrow_strands
 from .strand import sample_hair as sample_hair
 from .strand import sample_strands as sample_strands
+from .stroke import attract as attract
+from .stroke import comb as comb
+from .stroke import smooth as smooth
 from .style import copy_style as copy_style
 from .style import extract_style as extract_style
 from .style import paste_style as paste_style
@@ -120,8 +120,6 @@ from .tiling import contour_outline as contour_outline
 from .tiling import cut_contour as cut_contour
 from .tiling import part_tree as part_tree
 from .tiling import tile_contours as tile_contours
-from .transfer import align_scalp as align_scalp
-from .transfer import transfer as transfer
 from .tree import HairTree as HairTree
 from .tree import ScalpContour as ScalpContour
 from .tree import children as children
@@ -137,5 +135,7 @@ from .tree import stack as stack
 from .tree import take as take
 from .trim import cut as cut
 from .trim import lengthen as lengthen
+from .warp import align_scalp as align_scalp
+from .warp import transfer as transfer
 from .wisp import Wisps as Wisps
 from .wisp import nearest_wisp as nearest_wisp

@@ -20,8 +20,8 @@ def contour_radius(
         theta: Angle, in radians; any turn.
     """
     position = jnp.asarray(theta, offset.dtype) * (ANGLES / (2.0 * jnp.pi))
-    first = jnp.floor(position)
-    f = position - first
-    i = jnp.mod(first, ANGLES).astype(int)
-    j = jnp.mod(i + 1, ANGLES)
-    return jnp.asarray(radius) + (1.0 - f) * offset[i] + f * offset[j]
+    # Hats over the angles. An index and a share would be quicker to say, but a compiler
+    # may compute the position twice, and rounding then put them into different steps.
+    away = jnp.mod(position - jnp.arange(ANGLES, dtype=offset.dtype), ANGLES)
+    weights = jnp.maximum(1.0 - jnp.minimum(away, ANGLES - away), 0.0)
+    return jnp.asarray(radius) + jnp.sum(weights * offset)

@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .comb import falloff, near_polyline
 from .cylinder import GeneralizedCylinder
 from .edit import WHOLE, Grip, edit_cluster
 from .reshape import place_on
 from .scalp import Scalp, scalp_normal, scalp_point, scalp_uv
+from .stroke import falloff, near_polyline
 from .tiling import part_tree
 from .tree import HairTree, children, cluster, descendants, leaves
 from .vector import norm, reject, unit
@@ -47,11 +47,11 @@ def part(
     """Return the tree with a parting along a polyline on the scalp.
 
     Clusters near the parting are combed away from it, on the side that they are rooted
-    on: over the given length from their roots they turn to the direction along the
-    scalp that leads away, and over twice that length what of their way leads across the
-    parting is turned round, and what leads into the scalp is left out. Lengths from
-    knot to knot are kept. A cluster whose leaves stand on both sides stays; those below
-    it are combed instead.
+    on. Over the given length from their roots they turn to the direction along the
+    scalp that leads away; for as long again they do not enter it, and what of their way
+    leads back is turned round. Lengths from knot to knot are kept. Hair that hung far
+    across the new parting has to be combed further by hand. A cluster whose leaves
+    stand on both sides stays; those below it are combed instead.
 
     Contours of clusters that stand on one side are cut at the parting, as
     `tiling.part_tree` has it: roots beyond it go to clusters of the other side that
@@ -163,22 +163,22 @@ def part_one(
     size = norm(step)
     middle = jnp.cumsum(size) - 0.5 * size
     share = strength * falloff(away.distance, reach)
-    flat, turned = (share * falloff(middle, x * length) for x in (1.0, 2.0))
+    flat, laid = (share * falloff(middle, x * length) for x in (1.0, 2.0))
 
     def lay(state, piece):
         at, outward = state
-        along, size, flat, turned = piece
+        along, size, flat, laid = piece
         up = scalp_normal(scalp, scalp_uv(scalp, at))
         outward = reject(outward, up)
         way = unit((1.0 - flat) * along + flat * outward, along)
         across = jnp.minimum(jnp.dot(way, outward), 0.0)
-        way = unit(way - 2.0 * turned * across * outward, way)
+        way = unit(way - 2.0 * laid * across * outward, way)
         inward = jnp.minimum(jnp.dot(way, up), 0.0)
-        way = unit(way - turned * inward * up, way)
+        way = unit(way - laid * inward * up, way)
         at = at + size * way
         return (at, outward), at
 
     along = unit(step, jnp.zeros_like(step))
     start = skeleton[0], away.direction
-    rest = jax.lax.scan(lay, start, (along, size, flat, turned))[1]
+    rest = jax.lax.scan(lay, start, (along, size, flat, laid))[1]
     return place_on(cylinder, jnp.concatenate([skeleton[:1], rest]))

@@ -92,17 +92,29 @@ def regrow_strands(
         return strands
     size = max(FEWEST, 1 << (len(mine) - 1).bit_length())
     index = jnp.asarray(np.resize(mine, size))  # repeats strands, which does no harm
-    some = grow_strands(tree, uv[index], owner[index], eta[index], strands.shape[1])
-    return replace_strands(strands, index, some)
+    offset = None
+    if tree.wisps is not None:
+        wisp = nearest_wisp(tree.wisps, np.asarray(uv)[mine], np.asarray(owner)[mine])
+        offset = wisp_offsets(tree.wisps.offset, jnp.resize(wisp, (size,)))
+    parts = (tree.scalp, tree.contour, tree.cylinder)
+    return regrow(*parts, strands, uv, owner, eta, index, offset)
 
 
 @jax.jit
-def replace_strands(
+def regrow(
+    scalp: Scalp,
+    contour: ScalpContour,
+    cylinder: GeneralizedCylinder,
     strands: Float[Array, "strands points 3"],
+    uv: Float[Array, "strands 2"],
+    owner: Int[Array, " strands"],
+    eta: Float[Array, " strands"],
     index: Int[Array, " some"],
-    grown: Float[Array, "some points 3"],
+    offset: Float[Array, "some knots 3"] | None,
 ) -> Float[Array, "strands points 3"]:
-    """Return strands, some of them replaced."""
+    """Return strands, those at `index` grown anew, in one program."""
+    some = (uv[index], owner[index], eta[index])
+    grown = grow(scalp, contour, cylinder, *some, strands.shape[1], offset)
     return strands.at[index].set(grown)
 
 

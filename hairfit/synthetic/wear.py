@@ -3,7 +3,7 @@
 from ..capture.distance import head_field
 from ..capture.scalp_wrap import wrap_scalp
 from ..model import HairTree, Scalp
-from ..model.transfer import align_scalp, transfer
+from ..model.warp import align_scalp, transfer
 from ..types import Mesh
 
 

@@ -21,7 +21,22 @@ from hairfit.model.section import rotation
 
 KNOTS = 6
 points_of = jax.jit(jax.vmap(cylinder_point, (None, 0, 0, 0)))
-knots_of = jax.jit(jax.vmap(cylinder_knots, (None, None, 0)))
+content_of = jax.jit(
+    jax.vmap(jax.vmap(cylinder_knots, (None, None, 0)), (0, None, None))
+)
+bind_one = jax.jit(bind_point)
+
+
+@jax.jit
+def slopes_of_binding(cylinder, p):
+    def size(cylinder, p):
+        bound = bind_point(cylinder, p)
+        return bound.r + jnp.sin(bound.theta) + bound.t
+
+    return jax.grad(size, argnums=(0, 1))(cylinder, p)
+
+
+COUNT = 2  # of clusters that follow: one program for all tests
 
 
 def random_cylinder(seed, bend=0.01) -> GeneralizedCylinder:
@@ -63,13 +78,13 @@ def within(cylinder, count, seed, low=-0.1, high=1.1):
     return place, points_of(cylinder, *place)
 
 
-def children_of(cylinder, count, seed) -> GeneralizedCylinder:
+def children_of(cylinder, seed) -> GeneralizedCylinder:
     """Return clusters that run beside a cluster's skeleton, stacked."""
     rng = np.random.default_rng(seed)
-    off = 0.006 * rng.normal(size=(count, 1, 3)) + 0.002 * rng.normal(
-        size=(count, KNOTS, 3)
+    off = 0.006 * rng.normal(size=(COUNT, 1, 3)) + 0.002 * rng.normal(
+        size=(COUNT, KNOTS, 3)
     )
-    many = [random_cylinder(seed + i) for i in range(count)]
+    many = [random_cylinder(seed + i) for i in range(COUNT)]
     skeletons = cylinder.skeleton[None] + jnp.asarray(off)
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *many)
     return eqx.tree_at(lambda c: c.skeleton, stacked, skeletons)
@@ -89,7 +104,7 @@ def test_points_return_from_their_coordinates(seed):
 
 def test_a_gently_bent_cluster_knows_the_coordinates_of_all_its_points():
     cylinder = random_cylinder(3, bend=0.003)
-    (r, theta, t), p = within(cylinder, 500, 0)
+    (r, theta, t), p = within(cylinder, 64, 0)
     bound = bind_points(cylinder, p)
     assert not jnp.any(bound.ambiguous)
     assert jnp.allclose(bound.t, t, atol=1e-9)
@@ -100,7 +115,7 @@ def test_a_gently_bent_cluster_knows_the_coordinates_of_all_its_points():
 def test_single_precision_is_good_to_a_micrometre():
     cylinder = random_cylinder(3, bend=0.003)
     cylinder = jax.tree.map(lambda x: x.astype(jnp.float32), cylinder)
-    _, p = within(cylinder, 500, 0)
+    _, p = within(cylinder, 64, 0)
     bound = bind_points(cylinder, p)
     assert bound.r.dtype == jnp.float32
     apart = jnp.linalg.norm(update_points(cylinder, bound) - p, axis=1)
@@ -110,7 +125,7 @@ def test_single_precision_is_good_to_a_micrometre():
 def test_the_skeletons_point_is_the_closest_by_a_slow_search():
     cylinder = random_cylinder(5, bend=0.004)
     rng = np.random.default_rng(0)
-    p = rng.uniform(-0.03, 0.03, (100, 3)) + [0, 0.1, 0]
+    p = rng.uniform(-0.03, 0.03, (64, 3)) + [0, 0.1, 0]
     dense = np.linspace(0.0, 1.0, 8001)
     nought = jnp.zeros(len(dense))
     curve = np.asarray(points_of(cylinder, nought, nought, jnp.asarray(dense)))
@@ -119,7 +134,7 @@ def test_the_skeletons_point_is_the_closest_by_a_slow_search():
     at = np.clip(np.asarray(bound.t), 0, 1)
     mine = np.linalg.norm(p - curve[np.rint(at * 8000).astype(int)], axis=1)
     clear = ~np.asarray(bound.ambiguous)
-    assert clear.sum() > 50
+    assert clear.sum() > 40
     # The interpolated tangent is not exactly the curve's: so neither are the points.
     assert np.all(mine[clear] < distance.min(axis=1)[clear] * 1.05 + 1e-4)
 
@@ -163,9 +178,9 @@ def test_what_is_flat_is_lost_but_finite(what):
     cylinder = straight()
     flat = eqx.tree_at(lambda c: getattr(c, what), cylinder, replace_fn=jnp.zeros_like)
     p = jnp.array([[0.005, 0.05, 0.003], [0.0, 0.0, 0.0]])
-    slope = jax.jit(jax.jacrev(lambda c, p: bind_point(c, p)[:3], argnums=(0, 1)))
     for point in p:
-        for leaf in jax.tree.leaves((bind_point(flat, point), slope(flat, point))):
+        results = bind_one(flat, point), slopes_of_binding(flat, point)
+        for leaf in jax.tree.leaves(results):
             assert jnp.all(jnp.isfinite(leaf))
     if what != "skeleton":
         bound = bind_points(flat, p)
@@ -174,14 +189,15 @@ def test_what_is_flat_is_lost_but_finite(what):
         assert jnp.allclose(back, p * jnp.array([[0.0, 1.0, 0.0]]), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_binding_and_updating_have_gradients():
     before, after = random_cylinder(3, bend=0.004), random_cylinder(4, bend=0.004)
 
     def moved(before, after, p):
         return update_point(after, bind_point(before, p))
 
-    _, p = within(before, 3, 1)
-    for point in p:
+    _, p = within(before, 64, 1)
+    for point in p[:3]:
         check_grads(
             jax.jit(moved), (before, after, point), order=1, modes=["rev"], eps=1e-7
         )
@@ -189,7 +205,7 @@ def test_binding_and_updating_have_gradients():
 
 def test_a_binder_that_stays_moves_nothing():
     binder = random_cylinder(1)
-    bound = children_of(binder, 4, 2)
+    bound = children_of(binder, 2)
     for whole in (False, True):
         same = follow(binder, binder, bound, whole_skeleton=whole)
         for got, want in zip(
@@ -201,7 +217,7 @@ def test_a_binder_that_stays_moves_nothing():
 @pytest.mark.parametrize("whole", [False, True])
 def test_a_rigid_motion_takes_everything_along(whole):
     binder = random_cylinder(1)
-    bound = children_of(binder, 4, 2)
+    bound = children_of(binder, 2)
     turn = rotation(jnp.array([0.6, 0.0, 0.8]), jnp.array(1.9))
     shift = jnp.array([0.1, -0.2, 0.3])
     after = eqx.tree_at(
@@ -211,9 +227,8 @@ def test_a_rigid_motion_takes_everything_along(whole):
     )
     there = follow(binder, after, bound, whole_skeleton=whole)
     theta = jnp.linspace(0.0, 6.0, 5)
-    points = jax.jit(jax.vmap(knots_of, (0, None, None)))
-    want = points(bound, 0.9, theta) @ turn.T + shift[None, None, None]
-    assert jnp.allclose(points(there, 0.9, theta), want, atol=1e-9)
+    want = content_of(bound, 0.9, theta) @ turn.T + shift[None, None, None]
+    assert jnp.allclose(content_of(there, 0.9, theta), want, atol=1e-9)
 
 
 def test_content_follows_scale_twist_and_stretch_as_if_it_were_bound_itself():
@@ -229,57 +244,55 @@ def test_content_follows_scale_twist_and_stretch_as_if_it_were_bound_itself():
             2.0 * before.radius,
         ),
     )
-    bound = children_of(before, 3, 0)
-    off = jnp.array([[0.004, 0, 0], [0, 0, 0.006], [0.003, 0, -0.002]])
+    bound = children_of(before, 0)
+    off = jnp.array([[0.004, 0, 0], [0.003, 0, -0.006]])
     bound = eqx.tree_at(
         lambda c: c.skeleton, bound, before.skeleton[None] + off[:, None]
     )
     there = follow(before, after, bound)
     theta = jnp.linspace(0.0, 6.0, 5)
-    points = jax.jit(jax.vmap(knots_of, (0, None, None)))
-    content = points(bound, 0.9, theta).reshape(-1, 3)
+    content = content_of(bound, 0.9, theta).reshape(-1, 3)
     want = update_points(after, bind_points(before, content))
-    got = points(there, 0.9, theta).reshape(-1, 3)
+    got = content_of(there, 0.9, theta).reshape(-1, 3)
     assert jnp.allclose(got, want, atol=1e-9)
 
 
 def test_twist_of_many_turns_is_carried_to_the_clusters():
     before = straight()
     after = eqx.tree_at(lambda c: c.twist, before, jnp.linspace(0.0, 25.0, KNOTS))
-    there = follow(before, after, jax.tree.map(lambda x: x[None], before))
+    there = follow(before, after, jax.tree.map(lambda x: jnp.stack([x, x]), before))
     assert jnp.allclose(there.twist[0], after.twist, atol=1e-9)
 
 
 def test_held_control_points_stay_with_their_cross_sections():
     before, after = random_cylinder(1), random_cylinder(2)
-    bound = children_of(before, 2, 5)
-    held = jnp.zeros((2, KNOTS), bool).at[:, :2].set(True)
+    bound = children_of(before, 5)
+    held = jnp.zeros((COUNT, KNOTS), bool).at[:, :2].set(True)
     there = follow(before, after, bound, held=held)
     assert jnp.array_equal(there.skeleton[:, :2], bound.skeleton[:, :2])
     assert jnp.array_equal(there.normal, bound.normal)
     free = follow(before, after, bound)
     assert jnp.array_equal(there.skeleton[:, 2:], free.skeleton[:, 2:])
     theta = jnp.linspace(0.0, 6.0, 5)
-    points = jax.vmap(knots_of, (0, None, None))
-    at_root = [points(c, 0.9, theta)[:, :, 0] for c in (there, bound)]
+    at_root = [content_of(c, 0.9, theta)[:, :, 0] for c in (there, bound)]
     assert jnp.allclose(at_root[0], at_root[1], atol=1e-9)
 
 
 def test_a_binder_without_radius_is_an_axis():
     before = straight(radius=0.0)
     after = eqx.tree_at(lambda c: c.twist, before, jnp.full(KNOTS, np.pi / 2))
-    bound = children_of(before, 2, 3)
+    bound = children_of(before, 3)
     there = follow(before, after, bound)
     turn = jnp.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])  # N = x becomes B = -z
     assert jnp.allclose(there.skeleton, bound.skeleton @ turn.T, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_following_has_gradients():
     before, after = random_cylinder(3, bend=0.004), random_cylinder(4, bend=0.004)
-    bound = children_of(before, 1, 3)
+    bound = children_of(before, 3)
 
     def result(before, after, bound):
-        # The twist follows by integers of half turns: not by its hint.
         return jax.tree.leaves(follow(before, after, bound))
 
     check_grads(result, (before, after, bound), order=1, modes=["rev"], eps=1e-7)
@@ -312,7 +325,7 @@ def inside_of(binder) -> GeneralizedCylinder:
     t = jnp.linspace(0.0, 1.0, KNOTS)
     bound = Bound(jnp.full(KNOTS, 7.0), jnp.zeros(KNOTS), t, jnp.zeros(KNOTS, bool))
     inside = eqx.tree_at(lambda c: c.skeleton, binder, update_points(binder, bound))
-    return jax.tree.map(lambda x: x[None], inside)
+    return jax.tree.map(lambda x: jnp.stack([x, x]), inside)
 
 
 def test_the_way_along_a_skeleton_is_the_best_of_all():

@@ -147,6 +147,7 @@ def test_local_binding_moves_the_chosen_control_points_only(tree):
     assert jnp.allclose(edited.cylinder.skeleton[5], want.skeleton[0], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_edits_have_gradients(tree):
     def strands(skeleton, tree):
         new = eqx.tree_at(lambda c: c.skeleton, cluster(tree.cylinder, 0), skeleton)

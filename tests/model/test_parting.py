@@ -29,11 +29,11 @@ def tree(flat, make_tree) -> HairTree:
 
 
 def test_hair_leaves_the_parting_to_both_sides(tree):
-    parted = part(tree, LINE, Parting(reach=0.5, length=0.1, strength=0.9))
+    parted = part(tree, LINE, Parting(reach=0.5, length=0.3, strength=0.9))
     step = jnp.diff(parted.cylinder.skeleton, axis=1)
     old = jnp.diff(tree.cylinder.skeleton, axis=1)
     for index, side in ((0, -1.0), (1, 1.0), (3, -1.0), (4, 1.0)):
-        assert jnp.all(side * step[index, :, 2] > 0.0)
+        assert jnp.all(side * step[index, :4, 2] > 0.0)
         assert side * step[index, 0, 2] > 0.015
         long = [jnp.linalg.norm(x[index], axis=1) for x in (step, old)]
         assert jnp.allclose(long[0], long[1], atol=1e-9)

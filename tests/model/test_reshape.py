@@ -23,7 +23,7 @@ def tree(flat, make_tree):
 
 @pytest.fixture
 def straight(flat, make_tree):
-    """Return a tree of straight hair of 20 cm on the plane y = 0, 2 in the midst of 0."""
+    """Return a tree of straight hair of 20 cm on the plane y = 0, 2 amid 0."""
     made = make_tree(flat, CIRCLES, PARENT, knots=KNOTS, seed=2)
     along = jnp.linspace(0.0, 0.2, KNOTS)
     root = jnp.array([[0.5, 0.0, 0.4], [0.5, 0.0, 0.7], [0.5, 0.0, 0.4]])[:, None]
@@ -150,6 +150,7 @@ def test_curls_need_knots(straight):
         curl(straight, 0, Curl(radius=0.01, pitch=0.02))
 
 
+@pytest.mark.slow
 def test_operations_have_gradients(tree):
     grip = Grip(knot=3, reach=2.0)
 

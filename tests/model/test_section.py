@@ -146,11 +146,15 @@ def test_the_least_rotation_takes_one_vector_to_the_other():
         assert jnp.allclose(turn @ turn.T, jnp.eye(3), atol=1e-12)
         axis = jnp.cross(a, b)
         assert jnp.allclose(turn @ axis, axis, atol=1e-12)
+
+
+def test_the_least_rotation_between_opposite_vectors_is_half_a_turn():
+    a = jnp.array([0.6, 0.0, -0.8])
     half = least_rotation(a, -a)
     assert jnp.allclose(half @ a, -a, atol=1e-12)
     assert jnp.allclose(jnp.linalg.det(half), 1.0)
     assert jnp.allclose(least_rotation(a, a), jnp.eye(3), atol=1e-15)
-    slopes = jax.jacrev(plain.least_rotation)(a, -a)
+    slopes = jax.jit(jax.jacrev(plain.least_rotation))(a, -a)
     assert jnp.all(jnp.isfinite(slopes))
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ...model import HairTree, Scalp
 from ...model.bind import Bound, update_points
 from ...model.cylinder import GeneralizedCylinder
-from ...model.mirror import mirror
+from ...model.reflect import mirror
 from ...model.section import on_skeleton
 from ...model.tree import ScalpContour, graft, plant, take
 from ...render.raster import unit

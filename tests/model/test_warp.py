@@ -12,7 +12,7 @@ from hairfit.model import HairTree, Scalp, Wisps, grow_strands, scalp_point
 from hairfit.model.collide import field_distance, sample_field
 from hairfit.model.curve import arc_length, catmull_rom_weights
 from hairfit.model.cylinder import cylinder_knots
-from hairfit.model.transfer import (
+from hairfit.model.warp import (
     align_scalp,
     correspondences,
     head_warp,

@@ -7,7 +7,7 @@ import pytest
 
 from hairfit.model import HairTree, Scalp, ScalpMaps, Wisps, grow_strands
 from hairfit.model.edit import Plane
-from hairfit.model.mirror import mirror, mirror_cluster
+from hairfit.model.reflect import mirror, mirror_cluster
 
 CIRCLES = [(0.3, 0.5, 0.2), (0.7, 0.6, 0.2), (0.28, 0.52, 0.1), (0.72, 0.62, 0.1)]
 PARENT = (-1, -1, 0, 1)
@@ -69,14 +69,18 @@ def test_the_mirror_image_of_the_mirror_image_is_the_hair_itself(tree):
     for name in ("centre", "radius", "offset"):
         got, want = (getattr(t.contour, name) for t in (again, tree))
         assert jnp.allclose(got, want, atol=1e-9)
-    assert jnp.allclose(again.wisps.offset, tree.wisps.offset, atol=1e-9)
-    assert jnp.allclose(again.maps.density, tree.maps.density, atol=1e-6)
+    wisps, maps = tree.wisps, tree.maps
+    assert wisps is not None and again.wisps is not None
+    assert maps is not None and again.maps is not None
+    assert jnp.allclose(again.wisps.offset, wisps.offset, atol=1e-9)
+    assert jnp.allclose(again.maps.density, maps.density, atol=1e-6)
 
 
 def test_painted_maps_are_mirrored(tree):
-    image = mirror(tree).maps
-    assert jnp.allclose(image.density, tree.maps.density[::-1], atol=1e-6)
-    assert jnp.allclose(image.colour, tree.maps.colour[::-1], atol=1e-6)
+    image, maps = mirror(tree).maps, tree.maps
+    assert image is not None and maps is not None
+    assert jnp.allclose(image.density, maps.density[::-1], atol=1e-6)
+    assert jnp.allclose(image.colour, maps.colour[::-1], atol=1e-6)
 
 
 def test_a_sub_tree_appears_on_the_other_side(tree):
@@ -86,6 +90,7 @@ def test_a_sub_tree_appears_on_the_other_side(tree):
     got = grow_strands(both, mirrored_uv(UV[:2], X), jnp.array([5, 5]), ETA[:2], 12)
     assert jnp.max(jnp.abs(got - reflect(strands, X))) < 1e-9
     assert jnp.array_equal(both.cylinder.skeleton[:4], tree.cylinder.skeleton)
+    assert both.wisps is not None
     assert both.wisps.owner.tolist() == [2, 2, 3, 3, 5, 5]
     assert eqx.tree_equal(both.maps, tree.maps)
     below = mirror_cluster(tree, 2, parent=1)

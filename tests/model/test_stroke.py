@@ -6,8 +6,8 @@ import pytest
 from jax.test_util import check_grads
 
 from hairfit.model import HairTree
-from hairfit.model.comb import attract, comb, near_polyline, smooth
 from hairfit.model.edit import Grip
+from hairfit.model.stroke import attract, comb, near_polyline, smooth
 
 CIRCLES = [(0.4, 0.5, 0.2), (0.7, 0.5, 0.1), (0.4, 0.5, 0.1)]
 PARENT = (-1, -1, 0)
@@ -112,6 +112,7 @@ def test_a_stroke_without_length_or_width_is_refused(tree):
         attract(tree, 0, jnp.zeros((2, 3)), 0.0)
 
 
+@pytest.mark.slow
 def test_combing_has_gradients(tree):
     grip = Grip(knot=3, reach=3.0)
 
