@@ -226,6 +226,64 @@ class GrowStrands:
 
 
 @dataclasses.dataclass(frozen=True)
+class Treeify:
+    """Make a hair tree of strands from elsewhere.
+
+    Strands are gathered into clusters of several levels, and generalized cylinders are
+    fitted to them: the hair can then be edited like any tree of hairfit's.
+    """
+
+    strands: Annotated[Positional[Path], arg(metavar="STRANDS")]
+    """The strands, root first, y up and the face to +z: .hair or .npz."""
+    out: Annotated[Path, arg(metavar="TREE")]
+    """The tree to write: .hairtree."""
+    head: Annotated[Path | None, arg(metavar="MESH")] = None
+    """The head that they grow on; without it the scalp follows their roots alone."""
+    clusters: int = 500
+    """How many leaf clusters: more are closer to the strands, fewer easier to edit."""
+    levels: int = 2
+    """How many levels of clusters."""
+    wisps: int = 1000
+    """How many wisps, which keep what clusters cannot say; 0 for none."""
+    scale: float = 1.0
+    """What coordinates of the strands are multiplied by: 0.01 if they are in cm."""
+    seed: int = 0
+    """The same seed gives the same tree."""
+    quiet: bool = False
+    """Show no progress."""
+    json: bool = False
+    """Print the figures as one line of JSON."""
+
+    def run(self) -> None:
+        """Make the tree, and write it."""
+        at_least_one(self.clusters, "--clusters")
+        at_least_one(self.levels, "--levels")
+        if self.wisps < 0:
+            raise InputError(f"--wisps must be at least 0, not {self.wisps}.")
+        from .fit.treeify import TreeifyConfig
+        from .report.bottom_up import treeify_file
+        from .report.progress import shown_progress
+
+        config = TreeifyConfig(
+            leaves=self.clusters, levels=self.levels, wisps=self.wisps, seed=self.seed
+        )
+        with shown_progress(quiet=self.quiet) as progress:
+            figures = treeify_file(
+                self.strands,
+                self.out,
+                config,
+                head=self.head,
+                scale=self.scale,
+                progress=progress,
+            )
+        if self.json:
+            print_json({"tree": str(self.out), **figures})
+            return
+        print(f"{figures['clusters']} clusters, {figures['wisps']} wisps")
+        print(f"wrote '{self.out}'")
+
+
+@dataclasses.dataclass(frozen=True)
 class Gallery:
     """Write a named hairstyle as a tree, or list their names.
 
@@ -290,6 +348,7 @@ Command = (
     | Annotated[Evaluate, subcommand("evaluate")]
     | Annotated[Render, subcommand("render")]
     | Annotated[GrowStrands, subcommand("strands")]
+    | Annotated[Treeify, subcommand("treeify")]
     | Annotated[Gallery, subcommand("gallery")]
     | Annotated[Info, subcommand("info")]
 )

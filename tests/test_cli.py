@@ -316,3 +316,42 @@ def test_gallery_puts_a_hairstyle_onto_another_head(tmp_path, capsys):
     roots = np.asarray(load_tree(out).cylinder.skeleton)[:, 0]
     away = head_distance((roots - [0.0, 0.5, 0.0]) / 0.9)
     assert np.abs(away).max() < 0.002
+
+
+def straight_strands(count=60):
+    """Strands of 10 cm that stand on a ball of 10 cm and lean to one side."""
+    rng = np.random.default_rng(0)
+    out = rng.normal(size=(count, 3)) * [0.4, 0.0, 0.4] + [0.0, 1.0, 0.0]
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    along = np.linspace(0.0, 0.1, 12)[None, :, None]
+    return 0.1 * out[:, None] + along * out[:, None] + along**2 * [2.0, 0.0, 0.0]
+
+
+@pytest.mark.slow
+def test_treeify_makes_a_tree_of_strands(tmp_path, capsys):
+    strands = 100.0 * straight_strands()
+    save_strands(tmp_path / "a.hair", Strands.from_array(strands))
+    out = tmp_path / "a.hairtree"
+    command = ["treeify", str(tmp_path / "a.hair"), "--out", str(out), "--scale"]
+    numbers = ["--clusters", "4", "--wisps", "0", "--quiet", "--json"]
+    assert main([*command, "0.01", *numbers]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    tree = load_tree(out)
+    assert tree.count == figures["clusters"] >= 4
+    assert figures["error_m"] < 0.02  # four linear maps of a fan
+    # Means of roots on the ball lie a little below it.
+    roots = np.linalg.norm(np.asarray(tree.cylinder.skeleton)[:, 0], axis=1)
+    assert (roots > 0.09).all() and (roots < 0.101).all()
+    # Without the scale it is no hair: metres are said.
+    assert main([*command, "1", *numbers]) == 2
+    assert "metres" in capsys.readouterr().err
+
+
+def test_treeify_refuses_what_is_no_number(tmp_path, capsys):
+    save_strands(tmp_path / "a.hair", Strands.from_array(straight_strands()))
+    command = ["treeify", str(tmp_path / "a.hair"), "--out"]
+    for option, word in (("--clusters", "0"), ("--wisps", "-1"), ("--scale", "0")):
+        assert main([*command, str(tmp_path / "a.hairtree"), option, word]) == 2
+        assert option in capsys.readouterr().err
+    assert main([*command, str(tmp_path / "a.obj")]) == 2
+    assert "must end with .hairtree" in capsys.readouterr().err

@@ -13,6 +13,7 @@ from scipy.cluster.vq import kmeans2
 from ..model.contour import ANGLES
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp, scalp_tangents
+from ..model.tiling import cell_reach, spokes, star_contours
 from ..model.tree import HairTree, ScalpContour, plant, take
 
 # Roots count more than other points of a strand: a cluster must be one piece of scalp.
@@ -63,23 +64,23 @@ def lay_clusters(
     features[:, 0] *= ROOT_WEIGHT
     features = features.reshape(len(strands), -1)
     rng = np.random.default_rng(seed)
-    upper = np.unique(_kmeans(features, roots, rng), return_inverse=True)[1]
+    upper = np.unique(kmeans(features, roots, rng), return_inverse=True)[1]
     centre = [uv[upper == index].mean(axis=0) for index in range(upper.max() + 1)]
-    reach = list(_voronoi(np.array(centre)) * OVERLAP)
+    reach = list(cell_reach(np.array(centre)) * OVERLAP)
     parent = [-1] * len(centre)
     spacing = np.sqrt(1.0 / len(uv))
     # A root goes to the closest centre that contains it, so cells hold those roots.
     held = _closest(uv, np.array(centre))
     for index in range(len(centre)):
         members = np.flatnonzero(held == index)
-        around = _star(uv[members] - centre[index], spacing) * LEAF_OVERLAP
+        around = star_reach(uv[members] - centre[index], spacing) * LEAF_OVERLAP
         reach[index] = np.minimum(reach[index], around)
         share = max(1, round(leaves * len(members) / len(uv)))
-        lower = _kmeans(features[members], share, rng)
+        lower = kmeans(features[members], share, rng)
         for label in np.unique(lower):
             mine = uv[members[lower == label]]
             centre.append(mine.mean(axis=0))
-            reach.append(_star(mine - centre[-1], spacing) * LEAF_OVERLAP)
+            reach.append(star_reach(mine - centre[-1], spacing) * LEAF_OVERLAP)
             parent.append(index)
     return _planted(scalp, uv, np.array(centre), np.array(reach), parent, knots)
 
@@ -93,17 +94,19 @@ def _planted(
     knots: int,
 ) -> Layout:
     """Return the clusters with contours that reach so far around their centres."""
-    radius = reach.mean(axis=1)
-    contour = jax.vmap(ScalpContour)(
-        jnp.asarray(centre), jnp.asarray(radius), jnp.asarray(reach - radius[:, None])
-    )
+    contour = star_contours(centre, reach)
     stub = functools.partial(plant, scalp, length=STUB, knots=knots)
     still = jnp.zeros_like(contour.radius)
     tree = HairTree(scalp, contour, jax.vmap(stub)(contour), still, tuple(parent))
+    metric = scalp_metric(scalp, contour)
+    return _without_empty(Layout(tree, metric, np.asarray(find_owner(tree, uv))), uv)
+
+
+def scalp_metric(scalp: Scalp, contour: ScalpContour) -> Float[np.ndarray, " clusters"]:
+    """Return metres on the scalp for 1 of scalp space at each contour's centre."""
     tangents = jax.vmap(scalp_tangents, (None, 0))(scalp, contour.centre)
     area = np.cross(np.asarray(tangents.u), np.asarray(tangents.v))
-    metric = np.sqrt(np.linalg.norm(area, axis=1))
-    return _without_empty(Layout(tree, metric, np.asarray(find_owner(tree, uv))), uv)
+    return np.sqrt(np.linalg.norm(area, axis=1))
 
 
 def _without_empty(layout: Layout, uv: Float[np.ndarray, "strands 2"]) -> Layout:
@@ -116,9 +119,10 @@ def _without_empty(layout: Layout, uv: Float[np.ndarray, "strands 2"]) -> Layout
     return Layout(tree, layout.metric[keep], np.asarray(find_owner(tree, uv)))
 
 
-def _kmeans(
+def kmeans(
     features: Float[np.ndarray, "strands features"], count: int, rng
 ) -> Int[np.ndarray, " strands"]:
+    """Return the cluster of each strand by k-means; clusters may lack strands."""
     count = min(count, len(features))
     if count <= 1:
         return np.zeros(len(features), int)
@@ -135,32 +139,12 @@ def _closest(
     return np.argmin(((uv[:, None] - centre[None]) ** 2).sum(axis=2), axis=1)
 
 
-def _directions() -> Float[np.ndarray, "32 2"]:
-    angle = np.arange(ANGLES) * (2 * np.pi / ANGLES)
-    return np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def _voronoi(
-    centre: Float[np.ndarray, "clusters 2"],
-) -> Float[np.ndarray, "clusters 32"]:
-    """Return how far each cell reaches in 32 directions, at most to the border."""
-    directions = _directions()
-    away = centre[None] - centre[:, None]
-    along = np.einsum("ijk,ak->ija", away, directions)
-    square = (away**2).sum(axis=2)[..., None]
-    reach = np.where(along > 1e-9, square / np.maximum(2 * along, 1e-9), np.inf)
-    wall = np.where(directions > 0, 1.0, 0.0)[None] - centre[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        border = np.where(np.abs(directions) > 1e-9, wall / directions, np.inf)
-    return np.minimum(reach.min(axis=1), np.maximum(border.min(axis=2), 1e-3))
-
-
-def _star(
+def star_reach(
     members: Float[np.ndarray, "strands 2"], least: float
 ) -> Float[np.ndarray, " 32"]:
     """Return the star-shaped border around roots, in 32 directions from 0."""
     distance = np.linalg.norm(members, axis=1)
-    across = members @ _directions().T
+    across = members @ spokes().T
     angle = np.arccos(np.clip(across / np.maximum(distance, 1e-12)[:, None], -1, 1))
     near = angle < 2.0 * np.pi / ANGLES
     return np.where(near, distance[:, None], 0.0).max(axis=0, initial=0.0) + least

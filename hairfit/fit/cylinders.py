@@ -73,7 +73,22 @@ def fit_cylinders(layout: Layout, members: Members, *, steps: int = 3) -> Fitted
         members: The strands of every cluster, on all levels.
         steps: Most steps of the least squares.
     """
-    start = _closed_form(layout, members)
+    return refine_cylinders(layout, _closed_form(layout, members), members, steps)
+
+
+def refine_cylinders(
+    layout: Layout, start: GeneralizedCylinder, members: Members, steps: int
+) -> FittedTree:
+    """Return the tree whose clusters come closest to their strands, from a start.
+
+    All parameters move together by Levenberg-Marquardt, matrix-free.
+
+    Args:
+        layout: The clusters' contours and topology.
+        start: The cylinders to start from, stacked.
+        members: The strands of every cluster, on all levels.
+        steps: Most steps.
+    """
     # Half of the strands say enough about some numbers a cluster.
     some = jax.tree.map(lambda leaf: leaf[::2], members)
     distance = _distance(start, layout.tree.contour, some)
@@ -192,6 +207,26 @@ def _closed_form(layout: Layout, members: Members) -> GeneralizedCylinder:
     for index in range(count):
         mine = order[first[index] : first[index + 1]]
         skeleton[index], maps[index] = _regress(place[mine], strands[mine])
+    return cylinders_along(contour, metric, skeleton, maps)
+
+
+def cylinders_along(
+    contour: ScalpContour,
+    metric: Float[np.ndarray, " clusters"],
+    skeleton: Float[np.ndarray, "clusters knots 3"],
+    maps: Float[np.ndarray, "clusters knots 3 2"],
+) -> GeneralizedCylinder:
+    """Return the cylinders whose strands follow linear maps of their roots' places.
+
+    Of a map only what lies in the cross-section's plane is kept.
+
+    Args:
+        contour: The scalp contours, stacked.
+        metric: Metres on the scalp for 1 of scalp space, for each contour.
+        skeleton: The strands at the contours' centres.
+        maps: How a strand's knots move in metres with its root, in metres along u, v.
+    """
+    count, knots = skeleton.shape[:2]
     normal = maps[:, 0, :, 0]
     radius = np.asarray(contour.radius) * metric
     offset = np.asarray(contour.offset) * metric[:, None]

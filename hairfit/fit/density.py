@@ -1,0 +1,87 @@
+"""How densely roots stand on a scalp, as a map that is painted on it."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from scipy import ndimage
+from scipy.spatial import KDTree
+
+from ..model.curve import catmull_rom_weights
+from ..model.maps import ScalpMaps, even_maps
+from ..model.scalp import SIDE, Scalp
+
+TEXELS = 96
+# The densest spot counts as no denser than so many times the mean: roots are sampled by
+# rejection.
+DENSEST = 30.0
+NEIGHBOURS = 4
+
+
+def root_spacing(uv: Float[np.ndarray, "strands 2"]) -> float:
+    """Return the typical distance between neighbouring roots, in scalp space.
+
+    It is that to the fourth neighbour, in the median: hairs in tufts are closer.
+    """
+    if len(uv) < 2:
+        return 1.0 / TEXELS
+    count = min(NEIGHBOURS, len(uv) - 1)
+    # Roots in one place, such as those of a pasted tuft, are one.
+    apart = KDTree(uv).query(uv, k=count + 1)[0][:, -1]
+    return float(max(np.median(apart), 1e-3))
+
+
+def density_maps(
+    scalp: Scalp, uv: Float[np.ndarray, "strands 2"], *, even: bool = False
+) -> ScalpMaps:
+    """Return maps with the density of roots, smooth over the distance between them.
+
+    Args:
+        scalp: The scalp.
+        uv: Roots in scalp space.
+        even: Whether the density is 1 wherever roots are near, and 0 elsewhere.
+    """
+    spacing = root_spacing(uv) * (TEXELS - 1)
+    count = spread(uv)
+    area = texel_areas(scalp)
+    if even:
+        # Where the closest root is about as far as roots are from one another.
+        away = np.asarray(ndimage.distance_transform_edt(count == 0.0))
+        density = (away <= max(spacing, 1.0)).astype(float)
+    else:
+        width = spacing if spacing > 1.0 else 0.0
+        count, area = (
+            ndimage.gaussian_filter(x, 0.5 * width, mode="nearest")
+            for x in (count, area)
+        )
+        density = count / np.maximum(area, 1e-3 * area.max())
+        mean = count.sum() / area[count > 1e-3 * count.max()].sum()
+        density = np.minimum(density / (DENSEST * mean), 1.0)
+        density /= density.max()
+    maps = even_maps(TEXELS, TEXELS)
+    kind = scalp.control.dtype
+    maps = jax.tree.map(lambda leaf: leaf.astype(kind), maps)
+    return eqx.tree_at(lambda m: m.density, maps, jnp.asarray(density, kind))
+
+
+def spread(uv: Float[np.ndarray, "strands 2"]) -> Float[np.ndarray, "texels texels"]:
+    """Return the number of roots at each texel, each shared among its four corners."""
+    at = np.clip(uv, 0.0, 1.0) * (TEXELS - 1)
+    low = np.clip(np.floor(at).astype(int), 0, TEXELS - 2)
+    far = at - low
+    count = np.zeros((TEXELS, TEXELS))
+    for i, j in np.ndindex(2, 2):
+        share = np.abs(1 - i - far[:, 0]) * np.abs(1 - j - far[:, 1])
+        np.add.at(count, (low[:, 0] + i, low[:, 1] + j), share)
+    return count
+
+
+def texel_areas(scalp: Scalp) -> Float[np.ndarray, "texels texels"]:
+    """Return the area of the scalp around each texel, in square metres."""
+    side = jnp.linspace(0.0, 1.0, 2 * TEXELS - 1, dtype=scalp.control.dtype)
+    weights = catmull_rom_weights(SIDE, side)
+    p = np.asarray(jnp.einsum("ai,bj,ijk->abk", weights, weights, scalp.control))
+    cross = np.cross(p[1:, 1:] - p[:-1, :-1], p[:-1, 1:] - p[1:, :-1])
+    quarter = np.pad(0.5 * np.linalg.norm(cross, axis=-1), 1)
+    return quarter.reshape(TEXELS, 2, TEXELS, 2).sum(axis=(1, 3))
