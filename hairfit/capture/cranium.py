@@ -13,6 +13,8 @@ CENTRE_BELOW_TOP = 0.10
 FARTHEST = 0.16
 # The polar axis leans back, so that circles about it follow the hairline. Radians.
 TILT = np.radians(20.0)
+# How far squares swell to discs; at 0.5 all the way.
+BULGE = 0.42
 
 
 class Cranium(NamedTuple):
@@ -53,7 +55,23 @@ def square_to_disc(
 
     A little less than a full disc: at its corners a full one has no normal.
     """
-    return Disc(a * np.sqrt(1.0 - 0.42 * b**2), b * np.sqrt(1.0 - 0.42 * a**2))
+    return Disc(a * np.sqrt(1.0 - BULGE * b**2), b * np.sqrt(1.0 - BULGE * a**2))
+
+
+def disc_to_square(
+    x: Float[np.ndarray, " points"], y: Float[np.ndarray, " points"]
+) -> Float[np.ndarray, "points 2"]:
+    """Return where in the square `square_to_disc` takes to points of the disc.
+
+    With the squares A and B of the coordinates, A (1 - c B) = x^2 and B (1 - c A) = y^2
+    give a quadratic equation. Points beyond the disc go to the square's border.
+    """
+    k = 1.0 - BULGE * x**2 + BULGE * y**2
+    root = np.sqrt(np.maximum(k * k - 4.0 * BULGE * y**2, 0.0))
+    b2 = (k - root) / (2.0 * BULGE)
+    a2 = x**2 / np.maximum(1.0 - BULGE * b2, 1e-6)
+    square = np.sqrt(np.stack([a2, b2], axis=1)) * np.sign(np.stack([x, y], axis=1))
+    return np.clip(square, -1.0, 1.0)
 
 
 def find_cranium(head: Mesh) -> Cranium:

@@ -7,10 +7,10 @@ from jaxtyping import Float, Int
 
 from .cluster import kmeans
 
-# What counts as error besides the distance of a strand's knots: this share of its
-# root's squared distance from the cluster's middle. So clusters are pieces of scalp,
-# not stripes all over it.
-COMPACT = 0.1
+# What counts as error besides the mean square distance of a strand's knots: so many
+# times its root's squared distance from the cluster's middle. So clusters are pieces of
+# scalp, and roots sampled anew find the cluster that is theirs (benchmarks/treeify.py).
+COMPACT = 4.0
 ROOT_WEIGHT, UPPER_ROOT_WEIGHT = 2.0, 20.0
 # Strands are outliers from so many times the median squared error on, and not closer to
 # their cluster's than this in metres.

@@ -13,7 +13,13 @@ import numpy as np
 from jaxtyping import Float
 from scipy import ndimage
 
-from ..capture.cranium import Cranium, find_cranium, skin_distance, square_to_disc
+from ..capture.cranium import (
+    Cranium,
+    disc_to_square,
+    find_cranium,
+    skin_distance,
+    square_to_disc,
+)
 from ..capture.distance import signed_distance
 from ..errors import InputError
 from ..model.curve import catmull_rom_weights
@@ -65,7 +71,7 @@ class Cap(NamedTuple):
         """Return the places of points in the square [-1, 1]^2."""
         polar, azimuth = _polar(self.frame, points)
         share = polar / _limit(self.border, azimuth)
-        return _disc_to_square(share * np.sin(azimuth), share * np.cos(azimuth))
+        return disc_to_square(share * np.sin(azimuth), share * np.cos(azimuth))
 
     def places(
         self, points: Float[np.ndarray, "points 3"]
@@ -214,22 +220,6 @@ def _border(
     wide = ndimage.maximum_filter1d(lowest, 7, mode="wrap")
     smooth = ndimage.gaussian_filter1d(wide, 2.0, mode="wrap")
     return np.minimum(np.maximum(smooth, lowest), LARGEST + MARGIN)
-
-
-def _disc_to_square(
-    x: Float[np.ndarray, " points"], y: Float[np.ndarray, " points"]
-) -> Float[np.ndarray, "points 2"]:
-    """Return where in the square `square_to_disc` takes to points of the disc.
-
-    With squares A, B of the coordinates, A (1 - c B) = x^2 and B (1 - c A) = y^2 give
-    a quadratic equation.
-    """
-    c = 0.42
-    k = 1.0 - c * x**2 + c * y**2
-    b2 = (k - np.sqrt(np.maximum(k * k - 4.0 * c * y**2, 0.0))) / (2.0 * c)
-    a2 = x**2 / np.maximum(1.0 - c * b2, 1e-6)
-    square = np.sqrt(np.stack([a2, b2], axis=1)) * np.sign(np.stack([x, y], axis=1))
-    return np.clip(square, -1.0, 1.0)
 
 
 def _drawn(cap: Cap, roots: Float[np.ndarray, "strands 3"], head: Mesh | None) -> Scalp:
