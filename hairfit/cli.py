@@ -239,14 +239,17 @@ class Treeify:
     """The tree to write: .hairtree."""
     head: Annotated[Path | None, arg(metavar="MESH")] = None
     """The head that they grow on; without it the scalp follows their roots alone."""
-    clusters: int = 500
-    """How many leaf clusters: more are closer to the strands, fewer easier to edit."""
+    clusters: int | None = None
+    """How many leaf clusters: more are closer to the strands, fewer easier to edit; by
+    default 500, or one for every five strands."""
     levels: int = 2
     """How many levels of clusters."""
     wisps: int = 1000
     """How many wisps, which keep what clusters cannot say; 0 for none."""
     scale: float = 1.0
     """What coordinates of the strands are multiplied by: 0.01 if they are in cm."""
+    fill: float = 0.0
+    """Fill gaps between roots up to this radius with hair, in metres; 0 for none."""
     seed: int = 0
     """The same seed gives the same tree."""
     quiet: bool = False
@@ -256,7 +259,8 @@ class Treeify:
 
     def run(self) -> None:
         """Make the tree, and write it."""
-        at_least_one(self.clusters, "--clusters")
+        if self.clusters is not None:
+            at_least_one(self.clusters, "--clusters")
         at_least_one(self.levels, "--levels")
         if self.wisps < 0:
             raise InputError(f"--wisps must be at least 0, not {self.wisps}.")
@@ -274,6 +278,7 @@ class Treeify:
                 config,
                 head=self.head,
                 scale=self.scale,
+                fill=self.fill,
                 progress=progress,
             )
         if self.json:

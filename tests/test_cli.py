@@ -347,10 +347,28 @@ def test_treeify_makes_a_tree_of_strands(tmp_path, capsys):
     assert "metres" in capsys.readouterr().err
 
 
+@pytest.mark.slow
+def test_treeify_fills_a_hole_between_roots(tmp_path):
+    hair = straight_strands(600)
+    crown = np.linalg.norm(hair[:, 0] - [0.0, 0.1, 0.0], axis=1) < 0.025
+    save_strands(tmp_path / "a.hair", Strands.from_array(hair[~crown]))
+    density = []
+    for name, fill in (("plain", "0"), ("filled", "0.03")):
+        out = tmp_path / f"{name}.hairtree"
+        command = ["treeify", str(tmp_path / "a.hair"), "--out", str(out), "--quiet"]
+        assert main([*command, "--wisps", "0", "--fill", fill]) == 0
+        maps = load_tree(out).maps
+        assert maps is not None
+        middle = len(maps.density) // 2
+        density.append(float(maps.density[middle, middle]))
+    assert density[0] < 0.02 and density[1] > 0.05
+
+
 def test_treeify_refuses_what_is_no_number(tmp_path, capsys):
     save_strands(tmp_path / "a.hair", Strands.from_array(straight_strands()))
     command = ["treeify", str(tmp_path / "a.hair"), "--out"]
-    for option, word in (("--clusters", "0"), ("--wisps", "-1"), ("--scale", "0")):
+    numbers = {"--clusters": "0", "--wisps": "-1", "--scale": "0", "--fill": "-1"}
+    for option, word in numbers.items():
         assert main([*command, str(tmp_path / "a.hairtree"), option, word]) == 2
         assert option in capsys.readouterr().err
     assert main([*command, str(tmp_path / "a.obj")]) == 2

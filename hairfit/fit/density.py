@@ -12,7 +12,7 @@ from ..model.curve import catmull_rom_weights
 from ..model.maps import ScalpMaps, even_maps
 from ..model.scalp import SIDE, Scalp
 
-TEXELS = 96
+TEXELS = 160
 # The densest spot counts as no denser than so many times the mean: roots are sampled by
 # rejection.
 DENSEST = 30.0

@@ -8,9 +8,10 @@ from jaxtyping import Float, Int
 from .cluster import kmeans
 
 # What counts as error besides the mean square distance of a strand's knots: so many
-# times its root's squared distance from the cluster's middle. So clusters are pieces of
-# scalp, and roots sampled anew find the cluster that is theirs (benchmarks/treeify.py).
-COMPACT = 4.0
+# times its root's squared distance from the cluster's middle, with up to so many
+# clusters. So clusters are pieces of scalp, and roots sampled anew find the cluster
+# that is theirs; of many, each is a small piece already (benchmarks/treeify.py).
+COMPACT, COMPACT_CLUSTERS = 4.0, 100
 ROOT_WEIGHT, UPPER_ROOT_WEIGHT = 2.0, 20.0
 # Strands are outliers from so many times the median squared error on, and not closer to
 # their cluster's than this in metres.
@@ -194,12 +195,13 @@ def closest_maps(rooted: Rooted, maps: Maps) -> Int[np.ndarray, " strands"]:
     linear = np.stack([start, slope[..., 0], slope[..., 1]], axis=1)
     square = np.einsum("gid,gjd->gij", linear, linear)
     ground = maps.curve[:, 0]
+    compact = COMPACT * min(1.0, (COMPACT_CLUSTERS / clusters) ** 0.5)
     by_map = np.concatenate(
         [
             -2.0 * linear.reshape(clusters, -1),
             square.reshape(clusters, -1),
-            -2.0 * knots * COMPACT * ground,
-            knots * COMPACT * (ground**2).sum(axis=1, keepdims=True),
+            -2.0 * knots * compact * ground,
+            knots * compact * (ground**2).sum(axis=1, keepdims=True),
         ],
         axis=1,
     )

@@ -107,7 +107,7 @@ def scalp_for(head: Mesh | None, strands: Strands) -> Scalp:
     even = np.tile(np.linspace(-1.0, 1.0, SIDE), (2, 1))
     cap = Cap(frame, _border(frame, roots), even)
     scalp = _drawn(cap, some, head)
-    on = np.asarray(_surface(scalp, jnp.asarray(root_places(scalp, some))))
+    on = scalp_points(scalp, root_places(scalp, some))
     missed = np.linalg.norm(on - some, axis=1) > MISSED
     if missed.mean() > 0.01:
         cap = cap._replace(lines=_finer_lines(cap.square(some), missed))
@@ -126,6 +126,14 @@ def root_places(
 @jax.jit
 def _closest(scalp: Scalp, roots):
     return jax.vmap(scalp_uv, (None, 0))(scalp, roots)
+
+
+def scalp_points(
+    scalp: Scalp, uv: Float[np.ndarray, "places 2"]
+) -> Float[np.ndarray, "places 3"]:
+    """Return the scalp's points at many places, in metres."""
+    kind = scalp.control.dtype
+    return np.asarray(_surface(scalp, jnp.asarray(uv, kind)), np.float64)
 
 
 @jax.jit

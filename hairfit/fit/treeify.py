@@ -29,6 +29,8 @@ AGAINST = 0.3
 STARVED, STARVED_ROUNDS = 0.3, 3
 # Contours reach beyond their outermost roots by so much of the distance between roots.
 BEYOND = 0.5
+# Leaves where no number is asked for, and strands for each of them at least.
+LEAVES, STRANDS_A_LEAF = 500, 5
 # Strands of no more than this have no direction. Metres.
 SHORTEST = 1e-6
 
@@ -37,8 +39,8 @@ SHORTEST = 1e-6
 class TreeifyConfig:
     """How strands become a tree."""
 
-    leaves: int = 500
-    """Number of leaf clusters."""
+    leaves: int | None = None
+    """Number of leaf clusters; None for 500, or fewer where strands are few."""
     levels: int = 2
     """Number of levels: root clusters, and so on to the leaves."""
     knots: int = 24
@@ -107,11 +109,10 @@ def treeify(strands: Strands, scalp: Scalp, config: TreeifyConfig) -> Treeified:
         InputError: If there are fewer strands than leaves, a strand has no length or is
             not finite, or the numbers of the configuration make no tree.
     """
-    check(strands, config)
+    count = leaf_count(strands, config)
+    check(strands, config, count)
     rooted, apart = root_strands(strands, scalp, config.knots)
-    label = gather_strands(
-        rooted, config.leaves, rounds=config.rounds, seed=config.seed
-    )
+    label = gather_strands(rooted, count, rounds=config.rounds, seed=config.seed)
     levels = stack_levels(rooted, label, config)
     tree, error, _ = fit_levels(scalp, rooted, levels, config.steps)
     maps = density_maps(scalp, rooted.uv)
@@ -127,12 +128,19 @@ def treeify(strands: Strands, scalp: Scalp, config: TreeifyConfig) -> Treeified:
     return Treeified(tree, rooted.uv, owner, np.ones(len(owner)), figures)
 
 
-def check(strands: Strands, config: TreeifyConfig) -> None:
+def leaf_count(strands: Strands, config: TreeifyConfig) -> int:
+    """Return how many leaves a tree of these strands shall have."""
+    if config.leaves is not None:
+        return config.leaves
+    return max(1, min(LEAVES, strands.count // STRANDS_A_LEAF))
+
+
+def check(strands: Strands, config: TreeifyConfig, leaves: int) -> None:
     """Refuse what cannot become a tree."""
-    if min(config.leaves, config.levels) < 1 or config.knots < 4 or config.wisps < 0:
+    if min(leaves, config.levels) < 1 or config.knots < 4 or config.wisps < 0:
         raise InputError(
             f"a tree has at least 1 leaf, 1 level, 4 knots and 0 wisps, not "
-            f"{config.leaves}, {config.levels}, {config.knots} and {config.wisps}; "
+            f"{leaves}, {config.levels}, {config.knots} and {config.wisps}; "
             "give larger numbers."
         )
     if strands.count < 1:
@@ -141,9 +149,9 @@ def check(strands: Strands, config: TreeifyConfig) -> None:
         raise InputError(
             "some points of strands are not finite numbers; export the strands again."
         )
-    if strands.count < config.leaves:
+    if strands.count < leaves:
         raise InputError(
-            f"{strands.count} strands cannot fill {config.leaves} leaf clusters; ask "
+            f"{strands.count} strands cannot fill {leaves} leaf clusters; ask "
             f"for {max(1, strands.count // 4)} leaves or fewer."
         )
     bad = int((lengths(strands) <= SHORTEST).sum())
@@ -199,9 +207,9 @@ def stack_levels(
 ) -> Levels:
     """Return the leaves and the clusters above them, gathered from below."""
     labels, maps, above = [label], [robust_maps(rooted, label)], []
-    leaf_count = len(maps[0].middle)
+    held = len(maps[0].middle)
     for level in range(config.levels - 1, 0, -1):
-        wanted = max(1, round(leaf_count ** (level / config.levels)))
+        wanted = max(1, round(held ** (level / config.levels)))
         above.insert(0, gather_upwards(maps[0], wanted, config.seed))
         labels.insert(0, above[0][labels[0]])
         maps.insert(0, robust_maps(rooted, labels[0]))

@@ -78,8 +78,9 @@ def add_wisps(
 
     Leaves get wisps by their share of the squares that they miss. Within a leaf k-means
     gathers strands by what they miss and where they are rooted; a wisp stands at the
-    root in the middle of each such group. It says the mean of the strands that are
-    going to follow it, which are those with the closest roots.
+    root in the middle of each such group. It says the medoid of the strands that are
+    going to follow it, which are those with the closest roots: a mean would lose the
+    waves that each strand has for itself.
 
     Args:
         tree: The tree.
@@ -98,15 +99,24 @@ def add_wisps(
         jnp.asarray(rest[chosen], kind),
     )
     follows = np.asarray(nearest_wisp(wisps, rooted.uv, owner))
-    held = np.flatnonzero(follows >= 0)
-    total = np.zeros_like(rest[chosen])
-    np.add.at(total, follows[held], rest[held])
-    number = np.bincount(follows[held], minlength=len(chosen))
-    some = number > 0  # one of two wisps with the same root has no followers
-    offset = total[some] / number[some, None, None]
-    wisps = jax.tree.map(lambda leaf: leaf[np.flatnonzero(some)], wisps)
-    wisps = eqx.tree_at(lambda w: w.offset, wisps, jnp.asarray(offset, kind))
+    flat = rest.reshape(len(rest), -1)
+    order = np.argsort(follows, kind="stable")
+    groups = np.split(order, np.searchsorted(follows[order], np.arange(len(chosen))))
+    # One of two wisps with the same root has no followers.
+    some = [i for i, group in enumerate(groups[1:]) if len(group)]
+    spoken = [medoid(flat, groups[1 + i]) for i in some]
+    wisps = jax.tree.map(lambda leaf: leaf[np.asarray(some, int)], wisps)
+    offset = jnp.asarray(rest[np.asarray(spoken, int)], kind)
+    wisps = eqx.tree_at(lambda w: w.offset, wisps, offset)
     return eqx.tree_at(lambda t: t.wisps, tree, wisps, is_leaf=lambda x: x is None)
+
+
+def medoid(
+    rows: Float[np.ndarray, "strands features"], group: Int[np.ndarray, " members"]
+) -> int:
+    """Return the strand of a group whose features are closest to the group's mean."""
+    away = rows[group] - rows[group].mean(axis=0)
+    return int(group[np.argmin((away**2).sum(axis=1))])
 
 
 def choose_wisps(
@@ -120,7 +130,7 @@ def choose_wisps(
     """Return the strands at whose roots wisps stand, in increasing order."""
     flat = rest.reshape(len(rest), -1)
     square = np.bincount(owner, (flat**2).sum(axis=1), minlength=tree.count)
-    share = np.round(count * square / max(square.sum(), 1e-30)).astype(int)
+    share = shared_out(count, square)
     metric = np.asarray(tree.cylinder.radius[:, 0] / tree.contour.radius, np.float64)
     rng = np.random.default_rng(seed)
     chosen = []
@@ -131,6 +141,24 @@ def choose_wisps(
         group = kmeans(features, int(share[index]), rng)
         for label in np.unique(group):
             some = np.flatnonzero(group == label)
-            away = features[some] - features[some].mean(axis=0)
-            chosen.append(mine[some[np.argmin((away**2).sum(axis=1))]])
+            chosen.append(mine[medoid(features, some)])
     return np.array(sorted(chosen), int)
+
+
+def shared_out(
+    count: int, weight: Float[np.ndarray, " leaves"]
+) -> Int[np.ndarray, " leaves"]:
+    """Return whole numbers in proportion to weights, by the largest remainders.
+
+    Args:
+        count: Their sum, where any weight is positive; else 0.
+        weight: The weights.
+    """
+    total = weight.sum()
+    if total <= 0.0:
+        return np.zeros(len(weight), int)
+    exact = count * weight / total
+    share = exact.astype(int)
+    rest = count - share.sum()
+    share[np.argsort(share - exact, kind="stable")[:rest]] += 1
+    return share

@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 
 from hairfit.errors import InputError
+from hairfit.evaluate import score
 from hairfit.fit.root_scalp import scalp_for
-from hairfit.fit.treeify import TreeifyConfig, treeify
-from hairfit.model import children, grow_strands, leaves, scalp_point
+from hairfit.fit.treeify import TreeifyConfig, leaf_count, treeify
+from hairfit.model import (
+    children,
+    grow_strands,
+    leaves,
+    sample_strands,
+    scalp_point,
+)
 from hairfit.types import Strands
 
 POINTS = 20
@@ -79,6 +86,23 @@ def test_the_same_seed_gives_the_same_tree(strands, scalp):
     one, two = (treeify(strands, scalp, config).tree for _ in range(2))
     for mine, other in zip(jax.tree.leaves(one), jax.tree.leaves(two), strict=True):
         assert np.array_equal(mine, other)
+
+
+def test_few_strands_get_few_leaves_and_many_get_500(strands):
+    few = Strands.from_array(fan(3))
+    assert leaf_count(strands, TreeifyConfig()) == COUNT // 5
+    assert leaf_count(few, TreeifyConfig()) == 1
+    assert leaf_count(Strands.from_array(fan(4000)), TreeifyConfig()) == 500
+    assert leaf_count(few, TreeifyConfig(leaves=7)) == 7
+
+
+def test_hair_of_new_roots_is_like_other_hair_of_the_same_groom(strands, scalp):
+    found = treeify(strands, scalp, TreeifyConfig(leaves=40, wisps=100))
+    anew = np.asarray(sample_strands(found.tree, COUNT, POINTS, jax.random.key(0)))
+    limits = ((0.006, 20.0),)
+    (new,) = score(Strands.from_array(anew), strands, limits)
+    (other,) = score(Strands.from_array(fan(seed=1)), strands, limits)
+    assert new.unsigned.f > other.unsigned.f - 0.02
 
 
 @pytest.mark.slow

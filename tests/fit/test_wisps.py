@@ -7,7 +7,7 @@ from ball_hair import RADIUS, comb, dome
 
 from hairfit.fit.gather import Rooted
 from hairfit.fit.treeify import TreeifyConfig, on_scalp, treeify
-from hairfit.fit.wisps import add_wisps, choose_wisps, wisp_residuals
+from hairfit.fit.wisps import add_wisps, choose_wisps, shared_out, wisp_residuals
 from hairfit.model import grow_strands, leaves
 from hairfit.types import Strands
 
@@ -60,16 +60,25 @@ def test_few_wisps_come_closer_than_none_and_more_closer_still(ball):
     assert missed[0] > missed[1] > 1.5 * missed[2]
 
 
-def test_a_wisp_says_the_mean_of_the_strands_that_follow_it(ball):
+def test_a_wisp_says_a_strand_in_the_middle_of_those_that_follow_it(ball):
     tree, rooted, owner = ball
     rest = wisp_residuals(tree, rooted, owner)
+    rest[:, 0] = 0.0
     leaf = int(owner[0])
     mine = owner == leaf
     alone = Rooted(*(rows[mine] for rows in rooted))
     one = add_wisps(tree, alone, owner[mine], 1, seed=0).wisps
     assert one is not None and one.owner.tolist() == [leaf]
-    assert np.allclose(one.offset[0, 1:], rest[mine, 1:].mean(axis=0), atol=1e-12)
-    assert (np.asarray(one.offset[:, 0]) == 0.0).all()
+    away = ((rest[mine] - rest[mine].mean(axis=0)) ** 2).sum(axis=(1, 2))
+    said = ((rest[mine] - np.asarray(one.offset)) ** 2).sum(axis=(1, 2))
+    assert said.min() < 1e-20 and said.argmin() == away.argmin()
+
+
+def test_wisps_are_shared_out_by_the_largest_remainders():
+    weight = np.array([5.0, 0.0, 3.3, 1.7])
+    assert shared_out(10, weight).tolist() == [5, 0, 3, 2]
+    assert shared_out(3, weight).tolist() == [1, 0, 1, 1]
+    assert shared_out(3, 0.0 * weight).tolist() == [0, 0, 0, 0]
 
 
 def test_wisps_go_to_the_leaves_that_miss_most(ball):
