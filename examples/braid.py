@@ -20,7 +20,6 @@ from sheet import (
     draw_curves,
     look_from,
     photograph,
-    subject,
 )
 
 from hairfit.model import (
@@ -51,6 +50,7 @@ from hairfit.model.vector import norm
 from hairfit.render.camera import Camera
 from hairfit.report.drawing import draw_hair
 from hairfit.synthetic import make_style
+from hairfit.synthetic.gallery import make_subject
 from hairfit.synthetic.guides import TIE, hanging_tail
 
 OUT = PICTURES / "braid.jpg"
@@ -206,7 +206,7 @@ def braid_of_braids(tree: HairTree, index: int, template: HairTree) -> HairTree:
 
 def tied_back() -> HairTree:
     """Return hair that is combed to a tie at the back of the head, and ends there."""
-    tree = make_style("ponytail", 0, subject().scalp)
+    tree = make_style("ponytail", 0, make_subject().scalp)
     skeleton = np.asarray(tree.cylinder.skeleton)
     nearest = np.linalg.norm(skeleton - TIE, axis=2).argmin(axis=1)
     end = jnp.asarray((nearest + 0.5) / (skeleton.shape[1] - 1), jnp.float32)
@@ -215,7 +215,7 @@ def tied_back() -> HairTree:
 
 def braid_from_tie(template: HairTree) -> HairTree:
     """Return a braid of braids that hangs from the tie."""
-    scalp = subject().scalp
+    scalp = make_subject().scalp
     uv = scalp_uv(scalp, jnp.asarray(TIE, jnp.float32))
     root = np.asarray(scalp_point(scalp, uv))[None]
     path = np.concatenate([root, hanging_tail(np.zeros(2), 0.30)])

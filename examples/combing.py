@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, UInt8
-from sheet import PICTURES, Sheet, draw_curves, look_from, photograph, subject
+from sheet import PICTURES, Sheet, draw_curves, look_from, photograph
 
 from hairfit.model import (
     GeneralizedCylinder,
@@ -36,6 +36,7 @@ from hairfit.model.shell import (
 )
 from hairfit.render.camera import Camera
 from hairfit.report.drawing import draw_hair, orbit_camera
+from hairfit.synthetic.gallery import make_subject
 
 GRID = ShellGrid()
 POINTS = 60
@@ -260,7 +261,7 @@ def falling(scalp: Scalp, uv: tuple[float, float], radius: float) -> HairTree:
 
 def draw_cluster(sheet: Sheet, strands: int) -> None:
     """Draw a cluster of a tree before and after it is combed."""
-    tree = falling(subject().scalp, (0.5, 0.78), 0.24)
+    tree = falling(make_subject().scalp, (0.5, 0.78), 0.24)
     key = jax.random.key(0)
     soft = even_comb(6, sway(0.15), key, depth=0.6)
     other = even_comb(9, sway(-0.1), jax.random.key(4), depth=0.5)

@@ -20,7 +20,6 @@ from sheet import (
     draw_curves,
     look_from,
     photograph,
-    subject,
 )
 
 from hairfit.capture.distance import head_field
@@ -35,6 +34,7 @@ from hairfit.model.stroke import attract, comb, smooth
 from hairfit.model.style import resample_knots
 from hairfit.model.trim import cut, lengthen
 from hairfit.synthetic import make_style
+from hairfit.synthetic.gallery import make_subject
 
 SIZE = (300, 360)
 BOX = {"low": (-0.08, -0.135, -0.08), "high": (0.08, 0.09, 0.06)}
@@ -63,7 +63,7 @@ def off_the_head(tree: HairTree) -> HairTree:
 @functools.cache
 def field():
     """Return the distances around the head."""
-    return head_field(subject().head)
+    return head_field(make_subject().head)
 
 
 def lock(tree: HairTree) -> HairTree:
@@ -178,7 +178,7 @@ def middle() -> np.ndarray:
     """Return a line on the scalp, from the brow to the crown."""
     z = np.linspace(0.09, -0.06, 5)
     p = jnp.asarray(np.stack([0.005 + 0.0 * z, 0.11 + 0.0 * z, z], 1), jnp.float32)
-    return np.asarray(jax.vmap(scalp_uv, (None, 0))(subject().scalp, p))
+    return np.asarray(jax.vmap(scalp_uv, (None, 0))(make_subject().scalp, p))
 
 
 def flipped(tree: HairTree) -> HairTree:
@@ -192,11 +192,11 @@ def flipped(tree: HairTree) -> HairTree:
 
 def main(out: pathlib.Path, strands: int = 5000) -> None:
     """Write the sheet."""
-    tree = make_style("straight", 0, subject().scalp)
+    tree = make_style("straight", 0, make_subject().scalp)
     sheet = Sheet(5, 4, SIZE)
     region(sheet, tree, strands // 4)
     binding(sheet, tree)
-    tools(sheet, tree, make_style("wavy", 0, subject().scalp), strands)
+    tools(sheet, tree, make_style("wavy", 0, make_subject().scalp), strands)
     sheet.save(out)
 
 

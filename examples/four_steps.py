@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from matplotlib.patches import Ellipse
-from sheet import PICTURES, Sheet, look_from, photograph, subject
+from sheet import PICTURES, Sheet, look_from, photograph
 
 from hairfit.model import (
     HairTree,
@@ -36,6 +36,7 @@ from hairfit.model.style import copy_style
 from hairfit.model.subdivide import subdivide
 from hairfit.render.camera import Camera
 from hairfit.render.raster import project_points
+from hairfit.synthetic.gallery import make_subject
 from hairfit.synthetic.head import HIGH, LOW, head_distance
 from hairfit.synthetic.styles import CONFIGS, grow_tree
 
@@ -62,7 +63,7 @@ def rough_style() -> HairTree:
     style = dataclasses.replace(
         CONFIGS["straight"], roots=CLUSTERS, children=1, knots=KNOTS
     )
-    tree = grow_tree(style, subject().scalp, 3)
+    tree = grow_tree(style, make_subject().scalp, 3)
     tree = take(tree, np.arange(tree.count) < CLUSTERS)
     # The bang leaves the parting towards the forehead and is swept aside.
     root = np.asarray(tree.cylinder.skeleton[BANG, 0])

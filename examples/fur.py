@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, UInt8
-from sheet import PICTURES, Sheet, look_from, subject
+from sheet import PICTURES, Sheet, look_from
 
 from hairfit.capture.photos import linear_from_srgb, srgb_from_linear
 from hairfit.model.fur import Fur, FurStyle, fur_style, grow_fur
@@ -22,6 +22,7 @@ from hairfit.render.camera import Camera
 from hairfit.render.gl import NoContextError, PreviewStyle, render_preview
 from hairfit.render.raster import mesh_depth, rasterise
 from hairfit.report.drawing import BROWN, plain_preview
+from hairfit.synthetic.gallery import make_subject
 
 TEXELS = 65
 CREAM, TAN, BLACK = (0.62, 0.45, 0.26), (0.42, 0.20, 0.06), (0.025, 0.018, 0.015)
@@ -125,10 +126,10 @@ def grey_fur(strands: Float[np.ndarray, "strands points 3"], camera: Camera) -> 
     grey = (0.3, 0.3, 0.3)
     style = PreviewStyle(hair=grey, width_px=1.6, opacity=0.0001)
     try:
-        picture = render_preview(strands, subject().head, camera, style=style)
+        picture = render_preview(strands, make_subject().head, camera, style=style)
         base = np.array(grey)
     except NoContextError:
-        picture, base = plain_preview(strands, subject().head, camera), BROWN
+        picture, base = plain_preview(strands, make_subject().head, camera), BROWN
     return Grey(linear_from_srgb(picture / 255.0), base)
 
 
@@ -140,7 +141,7 @@ def coloured(fur: Fur, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
     """
     strands = np.asarray(fur.strands, np.float64)
     picture, base = grey_fur(strands, camera)
-    hidden = mesh_depth(subject().head, camera)
+    hidden = mesh_depth(make_subject().head, camera)
     front = rasterise(strands, camera, mesh_depth=hidden, radius_px=1.0).strand
     colour = np.asarray(fur.attributes.colour, np.float64)[np.maximum(front, 0)]
     linear = picture * np.where(front[..., None] >= 0, colour / base, 1.0)
@@ -168,7 +169,7 @@ def main(out: pathlib.Path, hairs: int = 40_000) -> None:
         hairs: Hairs of each look.
     """
     sheet = Sheet(3, 5, (300, 340))
-    scalp = subject().scalp
+    scalp = make_subject().scalp
     size = (FINE * 420, FINE * 476)
     for look in (spotted(), curly(), maned()):
         maps = look.maps

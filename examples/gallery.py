@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 from jaxtyping import UInt8
-from sheet import PICTURES, Sheet, look_from, photograph, subject
+from sheet import PICTURES, Sheet, look_from, photograph
 
 from hairfit.model import sample_strands
-from hairfit.synthetic.gallery import GALLERY, Subject, make_gallery_tree
+from hairfit.synthetic.gallery import GALLERY, make_gallery_tree
 
 POINTS = 96
 # Where each style is seen from, in degrees; the others from half left.
@@ -35,7 +35,7 @@ CROP = (slice(118, 690), slice(140, 560))
 
 def thumbnail(name: str, strands: int) -> UInt8[np.ndarray, "height width 3"]:
     """Return a picture of one style of the gallery."""
-    tree = make_gallery_tree(name, subject=Subject(*subject()))
+    tree = make_gallery_tree(name)
     hair = np.asarray(sample_strands(tree, strands, POINTS, jax.random.key(1)))
     low, high = (-0.14, -0.26, -0.16), (0.14, 0.17, 0.15)
     camera = look_from(VIEWS.get(name, 35.0), 8.0, SHOT, low, high)

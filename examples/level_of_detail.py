@@ -9,7 +9,7 @@ import pathlib
 
 import jax
 import numpy as np
-from sheet import PICTURES, Sheet, look_from, subject
+from sheet import PICTURES, Sheet, look_from
 
 from hairfit.model import HairTree, leaves, sample_strands
 from hairfit.model.detail import (
@@ -22,6 +22,7 @@ from hairfit.model.detail import (
 from hairfit.render.camera import Camera
 from hairfit.render.gl import PreviewStyle, render_preview
 from hairfit.synthetic import STYLES, make_style
+from hairfit.synthetic.gallery import make_subject
 
 SEGMENTS_FEW = 20
 SAMPLES = 6  # along a pixel's side: strands are thinner than one
@@ -40,7 +41,7 @@ def draw(strands: np.ndarray, camera: Camera, detail: Detail) -> np.ndarray:
     """
     width = 1e4 * detail.width * detail.opacity
     style = PreviewStyle(width_px=width, supersampling=SAMPLES)
-    return render_preview(strands, subject().head, camera, style=style)
+    return render_preview(strands, make_subject().head, camera, style=style)
 
 
 def by_strands(sheet: Sheet, tree: HairTree, camera: Camera, fine: Detail) -> None:
@@ -65,7 +66,7 @@ def by_segments(sheet: Sheet, camera: Camera, strands: int) -> None:
     axes = sheet.add("Segments that keep 95 % of the strands within half a pixel", None)
     sizes = camera.height / 2.0 ** np.arange(-2, 5)
     for style in STYLES:
-        tree = make_style(style, 3, subject().scalp)
+        tree = make_style(style, 3, make_subject().scalp)
         hair = np.asarray(sample_strands(tree, strands, 321, jax.random.key(0)))
         # Half a pixel of a picture of that size, in pixels of this one.
         errors = 0.5 * camera.height / sizes
@@ -99,7 +100,7 @@ def main(out: pathlib.Path, strands: int = 20_000) -> None:
     """
     low, high = (-0.08, -0.14, -0.10), (0.08, 0.12, 0.09)
     camera = look_from(50.0, low=low, high=high)
-    tree = make_style("curly", 3, subject().scalp)
+    tree = make_style("curly", 3, make_subject().scalp)
     fine = Detail(strands, 3 * SEGMENTS_FEW, 0.3, 1e-4)
     sheet = Sheet(2, 3)
     by_strands(sheet, tree, camera, fine)

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from sheet import PICTURES, Sheet, look_from, photograph, subject
+from sheet import PICTURES, Sheet, look_from, photograph
 
 from hairfit.capture.distance import head_field
 from hairfit.model import HairTree, sample_strands
@@ -23,6 +23,7 @@ from hairfit.model.collide import (
     push_out_tree,
 )
 from hairfit.synthetic import make_style
+from hairfit.synthetic.gallery import make_subject
 
 GAP = 0.001
 SLAB = 0.004  # half of the thickness of the hair that a section shows
@@ -85,7 +86,7 @@ def main(out: pathlib.Path, strands: int = 12_000) -> None:
         out: The picture.
         strands: Number of strands of the hairstyle.
     """
-    head, scalp = subject()
+    head, scalp = make_subject()
     field = head_field(head)
     tree = pressed(make_style("straight", 3, scalp))
     before = sample_strands(tree, strands, 60, jax.random.key(0))

@@ -12,12 +12,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.patches import Circle, Polygon, Rectangle
-from sheet import PICTURES, SIZE, Sheet, draw_curves, look_from, photograph, subject
+from sheet import PICTURES, SIZE, Sheet, draw_curves, look_from, photograph
 
 from hairfit.model import HairTree, cylinder_knots, leaves, select
 from hairfit.render.camera import Camera
 from hairfit.render.raster import mesh_depth
 from hairfit.synthetic import make_style
+from hairfit.synthetic.gallery import make_subject
 
 LASSO = np.array(
     [(0.1, 0.2), (0.5, 0.05), (0.9, 0.2), (0.75, 0.5), (0.5, 0.2), (0.25, 0.5)]
@@ -59,7 +60,7 @@ class Scene:
 
     def seen(self, points: np.ndarray) -> np.ndarray:
         """Return points, with those behind the head as no numbers."""
-        depth = mesh_depth(subject().head, self.camera)
+        depth = mesh_depth(make_subject().head, self.camera)
         pixel, away = select.project(self.image_from_world, points)
         column, row = (np.clip(pixel, 0.0, np.array(SIZE) - 1.0)).astype(int).T
         hidden = away > depth[row.T, column.T]
@@ -151,7 +152,7 @@ def main(out: pathlib.Path, style: str = "wavy") -> None:
     """
     low, high = (-0.075, -0.125, -0.085), (0.075, 0.105, 0.085)
     camera = look_from(40.0, 12.0, low=low, high=high)
-    scene = Scene(make_style(style, 3, subject().scalp), camera)
+    scene = Scene(make_style(style, 3, make_subject().scalp), camera)
     sheet = Sheet(2, 3)
     in_the_picture(scene, sheet)
     on_the_scalp(scene, sheet)

@@ -1,10 +1,8 @@
 """What the examples share: a head to model on, pictures of hair, and sheets of them."""
 
-import functools
 import pathlib
 import textwrap
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -12,29 +10,14 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from matplotlib.figure import Figure
 
-from hairfit.model import HairTree, Scalp, cluster, cylinder_knots
+from hairfit.model import HairTree, cluster, cylinder_knots
 from hairfit.render.camera import Camera
 from hairfit.render.raster import project_points
 from hairfit.report.drawing import draw_hair, orbit_camera
-from hairfit.synthetic import make_head, make_scalp
-from hairfit.types import Mesh
+from hairfit.synthetic.gallery import make_subject
 
 PICTURES = pathlib.Path(__file__).parent.parent / "docs" / "pictures"
 SIZE = (420, 520)
-
-
-class Subject(NamedTuple):
-    """Whom the examples style: the head of `hairfit synth`, and its scalp."""
-
-    head: Mesh
-    scalp: Scalp
-
-
-@functools.cache
-def subject() -> Subject:
-    """Return the head and the scalp that the examples share."""
-    head = make_head()
-    return Subject(head, make_scalp(head))
 
 
 def look_from(
@@ -54,7 +37,7 @@ def photograph(
     strands: Float[np.ndarray, "strands points 3"], camera: Camera
 ) -> UInt8[np.ndarray, "height width 3"]:
     """Return a picture of hair on the head."""
-    return draw_hair(np.asarray(strands, np.float64), subject().head, [camera])[0]
+    return draw_hair(np.asarray(strands, np.float64), make_subject().head, [camera])[0]
 
 
 def draw_curves(

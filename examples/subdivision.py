@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import matplotlib
 import numpy as np
-from sheet import PICTURES, Sheet, look_from, photograph, subject
+from sheet import PICTURES, Sheet, look_from, photograph
 
 from hairfit.model import (
     HairTree,
@@ -35,6 +35,7 @@ from hairfit.model.subdivide import (
 )
 from hairfit.model.tiling import contour_outline, tile_contours
 from hairfit.synthetic import make_style
+from hairfit.synthetic.gallery import make_subject
 
 OUT = PICTURES / "subdivision.jpg"
 # A parting beside the middle, in scalp space.
@@ -66,7 +67,7 @@ def placed_tree() -> HairTree:
 
 def planted(contour: ScalpContour) -> HairTree:
     """Return straight root clusters over stacked contours."""
-    scalp = subject().scalp
+    scalp = make_subject().scalp
     cylinder = jax.vmap(lambda one: plant(scalp, one, 0.1, 6))(contour)
     count = len(contour.radius)
     return HairTree(scalp, contour, cylinder, jnp.zeros(count), (-1,) * count)
@@ -91,7 +92,7 @@ def draw_owners(axes, tree: HairTree, uv: np.ndarray, borders=()) -> None:
 
 def draw_tilings(sheet: Sheet, uv: np.ndarray) -> None:
     """Add figures 4-10, 4-13 and 4-14."""
-    scalp = subject().scalp
+    scalp = make_subject().scalp
     draw_owners(
         sheet.add("4-9, 4-10: contours overlap; the closest centre owns a root", None),
         placed_tree(),
@@ -127,7 +128,7 @@ def draw_tilings(sheet: Sheet, uv: np.ndarray) -> None:
 
 def draw_hair(sheet: Sheet, strands: int, children: int) -> None:
     """Add photographs before and after the subdivision of all clusters."""
-    tree = make_style("wavy", 2, subject().scalp)
+    tree = make_style("wavy", 2, make_subject().scalp)
     tree = take(tree, np.asarray(tree.parent) < 0)
     low, high = (-0.1, -0.17, -0.1), (0.1, 0.12, 0.1)
     camera = look_from(120.0, 12.0, SIZE, low, high)
@@ -152,7 +153,7 @@ def draw_hair(sheet: Sheet, strands: int, children: int) -> None:
 def main(out: pathlib.Path = OUT, strands: int = 14000, children: int = 8) -> None:
     """Write the sheet."""
     sheet = Sheet(2, 4, SIZE)
-    uv = np.asarray(sample_roots(subject().scalp, strands // 4, KEY))
+    uv = np.asarray(sample_roots(make_subject().scalp, strands // 4, KEY))
     draw_tilings(sheet, uv)
     draw_hair(sheet, strands, children)
     sheet.save(out)

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, UInt8
-from sheet import PICTURES, Sheet, look_from, subject
+from sheet import PICTURES, Sheet, look_from
 
 from hairfit.capture.distance import head_field
 from hairfit.capture.scalp_wrap import wrap_scalp
@@ -25,6 +25,7 @@ from hairfit.model.warp import align_scalp, transfer
 from hairfit.render.camera import Camera
 from hairfit.report.drawing import draw_hair
 from hairfit.synthetic import make_style
+from hairfit.synthetic.gallery import make_subject
 from hairfit.types import Mesh
 
 OUT = PICTURES / "transfer.jpg"
@@ -60,7 +61,7 @@ def deform(p: Float[np.ndarray, "*points 3"]) -> Float[np.ndarray, "*points 3"]:
 
 def deformed_head() -> OtherHead:
     """Return the head of `subject`, deformed; its face and neck are landmarks."""
-    head, scalp = subject()
+    head, scalp = make_subject()
     control = jnp.asarray(deform(np.asarray(scalp.control)), scalp.control.dtype)
     low = head.vertices[head.vertices[:, 1] < -0.02][::6]
     mesh = Mesh(deform(head.vertices), head.faces)
@@ -106,7 +107,7 @@ def main(
         styles: Names of styles of `hairfit synth`; one row each.
     """
     other = deformed_head() if other is None else other
-    head, scalp = subject()
+    head, scalp = make_subject()
     fields = head_field(head), head_field(other.mesh)
     sheet = Sheet(len(styles), 3, SIZE)
     for style, azimuth in zip(styles, (28.0, 120.0), strict=False):
@@ -140,6 +141,6 @@ if __name__ == "__main__":
     target = None
     if given.head is not None:
         mesh = load_mesh(given.head)
-        scalp = align_scalp(wrap_scalp(mesh), subject().scalp)
+        scalp = align_scalp(wrap_scalp(mesh), make_subject().scalp)
         target = OtherHead(mesh, scalp)
     main(given.out, other=target)

@@ -11,6 +11,7 @@ import optimistix as optx
 from jaxtyping import Array, Float, Int
 
 from ..model.cylinder import GeneralizedCylinder, cylinder_frames
+from ..model.section import with_section_maps
 from ..model.strand import strand_knots
 from ..model.tree import HairTree, ScalpContour
 from .cluster import Layout
@@ -241,11 +242,11 @@ def cylinders_along(
     )
     frames = jax.vmap(cylinder_frames)(plain)
     across = np.stack([np.asarray(frames.normal), np.asarray(frames.binormal)], axis=2)
-    scale, twist, shear = split_map(np.einsum("gkij,gkjl->gkil", across, maps))
-    return _with(
-        plain,
-        (plain.skeleton, jnp.asarray(scale), jnp.asarray(twist), jnp.asarray(shear)),
-    )
+    sections = jnp.asarray(np.einsum("gkij,gkjl->gkil", across, maps))
+    return _with_sections(plain, sections.astype(plain.scale.dtype))
+
+
+_with_sections = jax.jit(jax.vmap(with_section_maps))
 
 
 def _regress(
@@ -294,19 +295,3 @@ def _at_most(
     """Cut singular values: no cluster opens like a fan because of a stray strand."""
     left, size, right = np.linalg.svd(slopes, full_matrices=False)
     return (left * np.minimum(size, widest)[:, None, :]) @ right
-
-
-def split_map(maps: Float[np.ndarray, "*batch knots 2 2"]):
-    r"""Return scale, twist and shear of linear maps of the cross-section.
-
-    Every map is $\begin{pmatrix} S_N & H \\ 0 & S_B \end{pmatrix}$ after a rotation by
-    $W$. Twist is taken continuous along the knots; a scale may be negative.
-    """
-    twist = np.unwrap(
-        np.arctan2(maps[..., 1, 0], maps[..., 1, 1]), period=np.pi, axis=-1
-    )
-    cos, sin = np.cos(twist), np.sin(twist)
-    scale_b = maps[..., 1, 0] * sin + maps[..., 1, 1] * cos
-    scale_n = maps[..., 0, 0] * cos - maps[..., 0, 1] * sin
-    shear = maps[..., 0, 0] * sin + maps[..., 0, 1] * cos
-    return np.stack([scale_n, scale_b], axis=-1), twist, shear

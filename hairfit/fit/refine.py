@@ -17,11 +17,11 @@ import optax
 from jaxtyping import Array, Bool, Float, Int
 
 from ..capture.capture import View
+from ..model.collide import DistanceField
 from ..model.cylinder import GeneralizedCylinder, cylinder_frames
 from ..model.strand import grow
 from ..model.tree import HairTree
 from .residuals import (
-    HeadField,
     PhotoMaps,
     Pulls,
     bare_loss,
@@ -75,7 +75,7 @@ class Problem(NamedTuple):
     level: Int[Array, " clusters"]
     samples: Samples
     maps: PhotoMaps
-    head: HeadField
+    head: DistanceField
 
 
 def refine(
@@ -84,7 +84,7 @@ def refine(
     views: Sequence[View],
     depths: Sequence[Float[np.ndarray, "_height _width"]],
     maps: PhotoMaps,
-    head: HeadField,
+    head: DistanceField,
     config: RefineConfig | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> HairTree:

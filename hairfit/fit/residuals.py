@@ -15,6 +15,7 @@ from scipy.spatial import KDTree
 
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
+from ..model.collide import DistanceField
 from ..render.camera import Camera
 from ..render.raster import cells, project_points, rasterise, visible_points
 from .grid import trilinear_many
@@ -250,28 +251,22 @@ def bare_loss(
     return jnp.mean(jax.vmap(one)(pulls, maps))
 
 
-class HeadField(eqx.Module):
-    """Signed distance to the head on a grid, in metres, negative inside."""
-
-    distance: Float[Array, "x y z 1"]
-    origin: Float[Array, " 3"]
-    spacing: Float[Array, ""]
-
-
-def head_field(hull: Hull) -> HeadField:
+def head_field(hull: Hull) -> DistanceField:
     """Return the head's distance field of a hull."""
-    return HeadField(
-        jnp.asarray(hull.head[..., None], jnp.float32),
+    return DistanceField(
         jnp.asarray(hull.grid.origin, jnp.float32),
         jnp.asarray(hull.grid.spacing, jnp.float32),
+        jnp.asarray(hull.head, jnp.float32),
     )
 
 
 def head_loss(
-    strands: Float[Array, "strands knots 3"], field: HeadField
+    strands: Float[Array, "strands knots 3"], field: DistanceField
 ) -> Float[Array, ""]:
     """Return how deep strands run in the skin; their roots are free."""
     points = strands[:, 1:].reshape(-1, 3)
-    distance = trilinear_many(field.distance, field.origin, field.spacing, points)
+    distance = trilinear_many(
+        field.distance[..., None], field.origin, field.cell, points
+    )
     deep = jnp.maximum(CLEARANCE - distance, 0.0) / SIGMA_INSIDE_HEAD
     return jnp.mean(deep**2 / (1.0 + deep))

@@ -4,14 +4,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from ball_hair import dome
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from hairfit.fit.cluster import Layout, lay_clusters
 from hairfit.fit.cylinders import (
     Members,
     fit_cylinders,
-    split_map,
 )
 from hairfit.fit.cylinders import _closed_form as closed_form
 from hairfit.model import (
@@ -26,7 +23,6 @@ from hairfit.model import (
 )
 
 KNOTS = 10
-entry = st.floats(-3.0, 3.0)
 
 
 def known_tree(bend=0.008):
@@ -176,35 +172,3 @@ def test_a_cluster_of_one_strand_follows_it_and_keeps_the_thickness_of_its_root(
     assert np.allclose(found.skeleton, strands, atol=1e-6)
     size = np.abs(found.scale * found.radius[..., None])
     assert np.allclose(size, size[:, :1], rtol=1e-6)
-
-
-def composed(scale, twist, shear):
-    """Return the linear map of a cross-section: first twist, then scale and shear."""
-    cos, sin = np.cos(twist), np.sin(twist)
-    turn = np.array([[cos, -sin], [sin, cos]])
-    return np.array([[scale[0], shear], [0.0, scale[1]]]) @ turn
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.tuples(entry, entry, entry, entry))
-def test_scale_twist_and_shear_make_up_any_linear_map(entries):
-    given_map = np.array(entries).reshape(1, 2, 2)
-    scale, twist, shear = split_map(given_map)
-    found = composed(scale[0], twist[0], shear[0])
-    assert np.allclose(found, given_map[0], atol=1e-9)
-
-
-def test_a_mirroring_map_has_one_negative_scale():
-    mirror = np.array([[[1.0, 0.3], [0.2, -1.0]]])
-    scale, _, _ = split_map(mirror)
-    assert scale[0, 0] * scale[0, 1] < 0
-    assert np.isclose(scale[0, 0] * scale[0, 1], np.linalg.det(mirror[0]))
-
-
-def test_twist_goes_on_beyond_half_a_turn():
-    angle = np.linspace(0.0, 4 * np.pi, 30)
-    maps = np.stack([composed((1.2, 0.8), a, 0.1) for a in angle])
-    scale, twist, shear = split_map(maps)
-    assert np.allclose(np.diff(twist), np.diff(angle), atol=1e-9)
-    for k in range(30):
-        assert np.allclose(composed(scale[k], twist[k], shear[k]), maps[k], atol=1e-9)

@@ -24,7 +24,6 @@ from hairfit.fit.residuals import (
     SIGMA_BARE,
     SIGMA_INSIDE_HEAD,
     SIGMA_OUTSIDE,
-    HeadField,
     Pulls,
     bare_loss,
     find_pulls,
@@ -277,9 +276,7 @@ def skin():
         0.005,
         head=lambda p: np.linalg.norm(p, axis=1) - RADIUS,
     )
-    field = head_field(hull)
-    assert isinstance(field, HeadField)
-    return exact(field)
+    return exact(head_field(hull))
 
 
 def radial(start, end, knots=6):
