@@ -15,6 +15,8 @@ from .gather import Rooted
 
 # What a metre on the scalp counts against a metre beside the cluster, at every knot.
 PLACE_WEIGHT = 0.5
+# A leaf has so many wisps at least, or none.
+FEWEST = 2
 # Strands whose residuals are found at once.
 CHUNK = 8192
 
@@ -131,6 +133,11 @@ def choose_wisps(
     flat = rest.reshape(len(rest), -1)
     square = np.bincount(owner, (flat**2).sum(axis=1), minlength=tree.count)
     share = shared_out(count, square)
+    # One wisp alone would stand for the whole leaf, which its skeleton does better.
+    several = share >= FEWEST
+    share = (
+        shared_out(count, np.where(several, square, 0.0)) if several.any() else share
+    )
     metric = np.asarray(tree.cylinder.radius[:, 0] / tree.contour.radius, np.float64)
     rng = np.random.default_rng(seed)
     chosen = []
