@@ -22,6 +22,7 @@ SMALL = {
     "gallery": "strands=400, names=('bob', 'braid', 'afro')",
     "level_of_detail": "strands=600",
     "penetration": "strands=600",
+    "phase_functions": "rays=200_000",
     "selection": "",
     "subdivision": "strands=800, children=3",
     "transfer": "strands=800",

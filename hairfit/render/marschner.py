@@ -42,12 +42,15 @@ class Bend(NamedTuple):
 def marschner(angles: PhaseAngles, fibre: HairFibre) -> Float[Array, " 3"]:
     r"""Return $\sum_p M_p(\theta_h) N_p(\theta_d, \phi) / \cos^2\theta_d$.
 
+    $M_p$ is a normal density of the light's inclination $2 \theta_h - \theta'$, so that
+    a clear fibre sends on what it gets but for longer paths; as a density of $\theta_h$
+    it would count all light twice.
+
     Args:
         angles: Inclinations and azimuth; they count towards the hair's tip.
         fibre: What the fibre is made of; its tilt moves the lobes as `chiang`'s does,
             its azimuthal roughness has no place here.
     """
-    half = 0.5 * (angles.theta + angles.theta_eye)
     difference = 0.5 * (angles.theta_eye - angles.theta)
     bend = bend_at(difference, fibre)
     around = (
@@ -55,11 +58,11 @@ def marschner(angles: PhaseAngles, fibre: HairFibre) -> Float[Array, " 3"]:
         passed_through(angles.phi, bend),
         turned_once(angles.phi, bend),
     )
-    # Half the variance: the mirror turns twice as far as the half angle.
-    width = 0.5 * jnp.sqrt(longitudinal_width(fibre.roughness))
+    turned = angles.theta + angles.theta_eye  # twice the half angle
+    width = jnp.sqrt(longitudinal_width(fibre.roughness))
     total = jnp.zeros(3, fibre.absorption.dtype)
     for lobe, shift, scale in zip(around, SHIFTS, WIDTHS, strict=True):
-        along = gaussian(half - shift * fibre.tilt, scale * width)
+        along = gaussian(turned - 2.0 * shift * fibre.tilt, scale * width)
         total = total + along * lobe
     return total / jnp.cos(difference) ** 2
 

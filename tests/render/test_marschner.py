@@ -111,6 +111,21 @@ def test_the_primary_highlight_is_turned_by_twice_the_tilt_to_the_root():
     assert abs(theta[np.argmax(found)] - 2.0 * np.radians(3.0)) < 0.03
 
 
+@pytest.mark.parametrize("theta_eye", [0.0, 0.5])
+def test_a_clear_fibre_in_a_white_sky_lacks_the_light_of_longer_paths_alone(theta_eye):
+    fibre = HairFibre(jnp.zeros(3), *(jnp.asarray(x) for x in (0.1, 0.3, 0.0, 1.55)))
+    sine, weight = np.polynomial.legendre.leggauss(200)
+    theta, phi = np.meshgrid(np.arcsin(sine), PHI[::20], indexing="ij")
+    solid = np.repeat(weight[:, None], phi.shape[1], axis=1) * 2 * np.pi / phi.shape[1]
+    level = jnp.full(theta.size, theta_eye)
+    at = PhaseAngles(jnp.asarray(theta.ravel()), level, jnp.asarray(phi.ravel()))
+    found = np.asarray(jax.jit(jax.vmap(marschner, (0, None)))(at, fibre))[:, 0]
+    total = (found * np.cos(theta.ravel()) * solid.ravel()).sum()
+    bend = bend_at(jnp.asarray(theta_eye), fibre)
+    expected = sum(shares(path, bend) for path in range(3))
+    assert 0.97 < expected < 1.0 and np.isclose(total, expected, rtol=0.06)
+
+
 def test_gradients_are_finite():
     def total(at, fibre):
         return marschner(at, fibre).sum()
