@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.projections.polar import PolarAxes
 from sheet import PICTURES
 
 from hairfit.render import Fibre
@@ -35,9 +36,10 @@ back = jax.vmap(reflected)
 on = jax.vmap(transmitted, (0, None))
 
 
-def polar(figure: Figure, place: int, title: str):
+def polar(figure: Figure, place: int, title: str) -> PolarAxes:
     """Return polar axes with the light from above."""
     axes = figure.add_subplot(4, 4, place, projection="polar")
+    assert isinstance(axes, PolarAxes)
     axes.set_theta_zero_location("N")
     axes.set_title(title, fontsize=8, pad=6)
     axes.tick_params(labelsize=5, pad=-2)
