@@ -20,45 +20,41 @@ NEIGHBOURS = 4
 
 
 def root_spacing(uv: Float[np.ndarray, "strands 2"]) -> float:
-    """Return the typical distance between neighbouring roots, in scalp space.
+    """Return the typical distance between neighbouring roots, in scalp space."""
+    if len(uv) < 2:
+        return 1.0 / TEXELS
+    # Roots in one place, such as those of a pasted tuft, are one.
+    return max(neighbour_distance(uv), 1e-3)
+
+
+def neighbour_distance(points: Float[np.ndarray, "points axes"]) -> float:
+    """Return the typical distance between neighbours, 0 for a lone point.
 
     It is that to the fourth neighbour, in the median: hairs in tufts are closer.
     """
-    if len(uv) < 2:
-        return 1.0 / TEXELS
-    count = min(NEIGHBOURS, len(uv) - 1)
-    # Roots in one place, such as those of a pasted tuft, are one.
-    apart = KDTree(uv).query(uv, k=count + 1)[0][:, -1]
-    return float(max(np.median(apart), 1e-3))
+    count = min(NEIGHBOURS, len(points) - 1)
+    if count < 1:
+        return 0.0
+    return float(np.median(KDTree(points).query(points, k=count + 1)[0][:, -1]))
 
 
-def density_maps(
-    scalp: Scalp, uv: Float[np.ndarray, "strands 2"], *, even: bool = False
-) -> ScalpMaps:
+def density_maps(scalp: Scalp, uv: Float[np.ndarray, "strands 2"]) -> ScalpMaps:
     """Return maps with the density of roots, smooth over the distance between them.
 
     Args:
         scalp: The scalp.
         uv: Roots in scalp space.
-        even: Whether the density is 1 wherever roots are near, and 0 elsewhere.
     """
     spacing = root_spacing(uv) * (TEXELS - 1)
-    count = spread(uv)
-    area = texel_areas(scalp)
-    if even:
-        # Where the closest root is about as far as roots are from one another.
-        away = np.asarray(ndimage.distance_transform_edt(count == 0.0))
-        density = (away <= max(spacing, 1.0)).astype(float)
-    else:
-        width = spacing if spacing > 1.0 else 0.0
-        count, area = (
-            ndimage.gaussian_filter(x, 0.5 * width, mode="nearest")
-            for x in (count, area)
-        )
-        density = count / np.maximum(area, 1e-3 * area.max())
-        mean = count.sum() / area[count > 1e-3 * count.max()].sum()
-        density = np.minimum(density / (DENSEST * mean), 1.0)
-        density /= density.max()
+    width = spacing if spacing > 1.0 else 0.0
+    count, area = (
+        ndimage.gaussian_filter(x, 0.5 * width, mode="nearest")
+        for x in (spread(uv), texel_areas(scalp))
+    )
+    density = count / np.maximum(area, 1e-3 * area.max())
+    mean = count.sum() / area[count > 1e-3 * count.max()].sum()
+    density = np.minimum(density / (DENSEST * mean), 1.0)
+    density /= density.max()
     maps = even_maps(TEXELS, TEXELS)
     kind = scalp.control.dtype
     maps = jax.tree.map(lambda leaf: leaf.astype(kind), maps)

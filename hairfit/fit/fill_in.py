@@ -1,7 +1,6 @@
 """Hair where strands from elsewhere left gaps: clusters grow into them [Kim02, 7.5]."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,10 +9,10 @@ from scipy.spatial import KDTree
 from ..errors import InputError
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp
-from ..model.tiling import scale_cylinder, scale_radius
+from ..model.tiling import scale_clusters
 from ..model.tree import HairTree, ScalpContour, children
 from .borders import draw_contours
-from .density import NEIGHBOURS, TEXELS
+from .density import TEXELS, neighbour_distance
 from .root_scalp import scalp_points
 
 # How dense hair is in a gap: as at so many places beside it with hair.
@@ -31,8 +30,8 @@ def fill_in(
 
     A gap is what a disc of radius `gap` cannot enter from the bare scalp: the closing
     of the roots, in metres on the scalp. The clusters around it grow over it, as their
-    linear maps say, and its density is that of the hair around it. Hair that
-    stands sparsely but evenly needs no more than `sample_strands`.
+    linear maps say, and its density is that of the hair around it. Hair that stands
+    sparsely but evenly needs no more than `sample_strands`.
 
     Args:
         tree: The tree, whose maps hold the density of the roots.
@@ -74,11 +73,9 @@ def reach_of_hair(scalp: Scalp, roots: Float[np.ndarray, "strands 3"]) -> float:
 
     It is the typical distance between neighbouring roots, and not less than a texel.
     """
-    count = min(NEIGHBOURS, len(roots) - 1)
-    apart = KDTree(roots).query(roots, k=count + 1)[0][:, -1] if count else np.zeros(1)
     corners = np.asarray(scalp.control, np.float64)
     side = np.linalg.norm(np.diff(corners, axis=0), axis=2).sum(axis=0).mean()
-    return max(float(np.median(apart)), side / (TEXELS - 1))
+    return max(neighbour_distance(roots), side / (TEXELS - 1))
 
 
 def closed(
@@ -102,8 +99,7 @@ def own_places(tree: HairTree, places: Float[np.ndarray, "places 2"]) -> HairTre
 
     Each goes to the root cluster with the closest centre; below it, `find_owner` finds
     a leaf. All else stays, so that other roots keep their owners but where a contour
-    that grows is the closest. Contours on the scalp and in the world grow alike, so
-    that a root keeps its place in every cross-section.
+    that grows is the closest. Contours grow as `scale_clusters` has it.
 
     Args:
         tree: The tree.
@@ -122,11 +118,8 @@ def own_places(tree: HairTree, places: Float[np.ndarray, "places 2"]) -> HairTre
     held = np.unique(label)
     wider[held] = np.maximum(reach, contour_reach(drawn))[held]
     share = jnp.asarray(wider / np.maximum(reach, LEAST), tree.contour.radius.dtype)
-    contour, body = tree.contour, tree.cylinder
-    star = jax.vmap(scale_radius)(contour.radius, contour.offset, share)
-    contour = eqx.tree_at(lambda c: (c.radius, c.offset), contour, tuple(star))
-    body = jax.vmap(scale_cylinder)(body, share)
-    return eqx.tree_at(lambda t: (t.contour, t.cylinder), tree, (contour, body))
+    grown = scale_clusters(tree.contour, tree.cylinder, share)
+    return eqx.tree_at(lambda t: (t.contour, t.cylinder), tree, tuple(grown))
 
 
 def contour_reach(contour: ScalpContour) -> Float[np.ndarray, "clusters 32"]:

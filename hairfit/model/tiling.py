@@ -300,6 +300,20 @@ class Clusters(NamedTuple):
     cylinder: GeneralizedCylinder
 
 
+def scale_clusters(
+    contours: ScalpContour,
+    cylinders: GeneralizedCylinder,
+    share: Float[Array, "clusters 32"],
+) -> Clusters:
+    """Return stacked clusters scaled spoke by spoke, on the scalp and in the world.
+
+    Both alike, so that along a spoke a root keeps its place in every cross-section.
+    """
+    star = jax.vmap(scale_radius)(contours.radius, contours.offset, share)
+    scaled = eqx.tree_at(lambda c: (c.radius, c.offset), contours, tuple(star))
+    return Clusters(scaled, jax.vmap(scale_cylinder)(cylinders, share))
+
+
 @jax.jit
 def cut_clusters(
     contours: ScalpContour, cylinders: GeneralizedCylinder, borders: Sequence[Border]
@@ -307,8 +321,7 @@ def cut_clusters(
     """`cut_contours`, and the contours in the world to the same shares."""
     for border in borders:
         share = jax.vmap(cut_reach, (0, None))(contours, border)
-        contours = jax.vmap(cut_contour, (0, None))(contours, border)
-        cylinders = jax.vmap(scale_cylinder)(cylinders, share)
+        contours, cylinders = scale_clusters(contours, cylinders, share)
     return Clusters(contours, cylinders)
 
 

@@ -78,11 +78,15 @@ def kajiya_kay_phase(angles: PhaseAngles, fibre: Fibre) -> Float[Array, " 3"]:
         angles: The angles.
         fibre: What the fibre is made of.
     """
+    return fibre.ambient + lit_along(angles, fibre)
+
+
+def lit_along(angles: PhaseAngles, fibre: Fibre) -> Float[Array, " 3"]:
+    r"""Return the part of (5-11) that light makes, $p'(\theta, \theta')$ of (5-24)."""
     highlight = positive_power(
         jnp.cos(angles.theta + angles.theta_eye), fibre.shininess
     )
-    lit = fibre.diffuse * jnp.cos(angles.theta) + fibre.specular * highlight
-    return fibre.ambient + lit
+    return fibre.diffuse * jnp.cos(angles.theta) + fibre.specular * highlight
 
 
 class Directionality(eqx.Module):
@@ -119,8 +123,7 @@ def goldman_phase(
     """
     kappa = jnp.cos(angles.phi)
     share = 0.5 * ((1.0 + kappa) * side.reflect + (1.0 - kappa) * side.transmit)
-    lit = kajiya_kay_phase(angles, fibre) - fibre.ambient
-    return fibre.ambient + share * lit
+    return fibre.ambient + share * lit_along(angles, fibre)
 
 
 class Lobes(eqx.Module):
@@ -177,5 +180,4 @@ def empirical_phase(
     """
     back = lobes.reflect * reflected(angles.phi)
     on = lobes.transmit * transmitted(angles.phi, lobes.sharpness)
-    lit = kajiya_kay_phase(angles, fibre) - fibre.ambient
-    return fibre.ambient + lit * (back + on)
+    return fibre.ambient + lit_along(angles, fibre) * (back + on)

@@ -54,12 +54,3 @@ def test_density_is_that_of_the_roots(flat):
     # Four half as many on twice as wide: 10 000 a unit here, 30 000 there.
     assert many[:, inner].mean() / few[:, inner].mean() == pytest.approx(3.0, rel=0.1)
     assert density.max() <= 1.0 and density[0, 0] < 0.2 * few.mean()
-
-
-def test_even_density_has_hair_wherever_roots_are_near_and_none_elsewhere(flat):
-    uv = np.random.default_rng(2).uniform([0.1, 0.1], [0.4, 0.9], (200, 2))
-    density = np.asarray(density_maps(flat, uv, even=True).density)
-    u = np.linspace(0.0, 1.0, TEXELS)
-    middle = density[(u > 0.15) & (u < 0.35)][:, 15:-15]
-    assert middle.mean() > 0.9 and set(np.unique(density)) == {0.0, 1.0}
-    assert (density[u > 0.55] == 0.0).all()
