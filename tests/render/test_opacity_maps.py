@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import PchipInterpolator
 
 from hairfit.render.opacity_exact import exact_lists
 from hairfit.render.opacity_layers import layered_maps
@@ -168,6 +169,19 @@ def test_the_cubic_meets_its_maps_and_never_falls_or_overshoots(rise, random):
     zero = np.zeros(len(slices), int)
     at_maps = maps.in_texels_cubic(zero, zero, slices)
     np.testing.assert_allclose(at_maps, opacity, atol=1e-12)
+
+
+def test_the_cubic_is_scipys_between_inner_maps():
+    rng = np.random.default_rng(0)
+    slices = np.cumsum(rng.uniform(0.05, 0.5, 12))
+    opacity = np.cumsum(rng.uniform(0.0, 1.0, 12) * rng.integers(0, 2, 12))
+    maps = OpacityMaps(light_of(waves()), slices, opacity[:, None, None])
+    fine = np.linspace(slices[1], slices[-2], 200)
+    zero = np.zeros(200, int)
+    expected = PchipInterpolator(slices, opacity)(fine)
+    np.testing.assert_allclose(
+        maps.in_texels_cubic(zero, zero, fine), expected, atol=1e-12
+    )
 
 
 def test_the_cubic_keeps_straight_lines_straight_and_is_smooth_where_linear_is_not():
