@@ -108,6 +108,6 @@ def limited(
     Their weighted harmonic mean; 0 where either slab is empty.
     """
     weight = thick.sum(0) + thick[::-1]
-    flat = (slope <= 0.0).any(0)
+    flat = (slope < 1e-200).any(0)  # the inverse of less could overflow
     safe = np.where(flat, 1.0, slope)
     return np.where(flat, 0.0, weight.sum(0) / (weight / safe).sum(0))
