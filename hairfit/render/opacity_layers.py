@@ -70,6 +70,7 @@ def layered_maps(
     *,
     near_far: Range | None = None,
     offsets: Float[np.ndarray, " layers"] | None = None,
+    gamma: float = 2.0,
 ) -> LayeredMaps:
     """Return opacity in layers of each texel.
 
@@ -82,7 +83,10 @@ def layered_maps(
         layers: Number of layers.
         near_far: First and last depth of each texel; those of its hair if None.
         offsets: How far behind the first hair each layer ends, in metres, the same for
-            all texels; if None, layers share evenly what lies up to the last hair.
+            all texels; if None, layers share what lies up to the last hair.
+        gamma: Power of the even steps by which they share it. At 1 they are even; at 2,
+            closer near the light as in figure 6-4c, sixteen layers of artists' grooms
+            err less than 64 even maps.
 
     Raises:
         ValueError: If there is no layer, or offsets do not rise from above 0.
@@ -95,7 +99,7 @@ def layered_maps(
     if offsets is None:
         thick = np.full(near.shape, THINNEST)
         np.subtract(far, near, where=np.isfinite(near), out=thick)
-        share = np.arange(1, layers + 1)[:, None, None] / layers
+        share = (np.arange(1, layers + 1)[:, None, None] / layers) ** gamma
         offset = np.maximum(thick, THINNEST) * share
     else:
         check_offsets(offsets, layers)

@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from ...capture.photos import srgb_from_linear
-from ...errors import InputError
 from ...types import Mesh
 from ..camera import Camera
 from ..opacity import (
@@ -20,6 +19,7 @@ from ..opacity import (
     transmittance,
 )
 from ..raster import unit, vertex_normals
+from .context import open_context
 from .shaders import (
     HAIR_FRAGMENT,
     HAIR_GEOMETRY,
@@ -32,10 +32,6 @@ VOXELS = 110  # along the side of the cube in which shadows are computed
 # Towards the lights, in the camera's axes (y down, z forward): the key light over the
 # camera's left shoulder, and one behind the head for its outline.
 LIGHTS = np.array([[-0.55, -0.75, -0.70], [0.60, -0.80, 0.55]])
-
-
-class NoContextError(InputError):
-    """There is no OpenGL here; callers draw their picture without."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,25 +113,6 @@ def turntable(
         return [draw(context, programs, strands, head, one, style) for one in cameras]
     finally:
         context.release()
-
-
-def open_context() -> Any:
-    """Return an OpenGL context without a window, or say how to get one."""
-    import sys
-
-    import moderngl
-
-    options: Any = {"require": 330}
-    if sys.platform.startswith("linux"):
-        options["backend"] = "egl"
-    try:
-        return moderngl.create_standalone_context(**options)
-    except Exception as error:  # the type is each driver's own
-        raise NoContextError(
-            f"no OpenGL context without a window could be made ({error}); "
-            "install Mesa's EGL (on Debian or Ubuntu: `apt-get install libegl1 "
-            "libgl1-mesa-dri`)."
-        ) from error
 
 
 def draw(

@@ -8,7 +8,8 @@ import pytest
 from hairfit import InputError
 from hairfit.render import Camera, rasterise
 from hairfit.render.gl import NoContextError, PreviewStyle, render_preview, turntable
-from hairfit.render.gl.preview import clip_from_world, open_context
+from hairfit.render.gl.context import open_context
+from hairfit.render.gl.preview import clip_from_world
 from hairfit.types import Mesh
 
 FOCAL, WIDTH, HEIGHT = 100.0, 64, 48

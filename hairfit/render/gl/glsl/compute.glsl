@@ -1,0 +1,3 @@
+#version 430
+layout(local_size_x = GROUP) in;
+uniform uint count;

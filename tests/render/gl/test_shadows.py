@@ -1,0 +1,144 @@
+"""Opacity shadow maps by compute shaders, against the float64 reference."""
+
+import numpy as np
+import pytest
+
+from hairfit.render.gl.context import read
+from hairfit.render.gl.shadows import ShadowMaps
+from hairfit.render.gl.solid import Solid
+from hairfit.render.opacity_layers import Range, hair_range, layered_maps
+from hairfit.render.opacity_lookup import opacity_at
+from hairfit.render.opacity_maps import opacity_maps
+from hairfit.render.pieces import hair_pieces
+from hairfit.render.shadow_style import ShadowStyle
+from hairfit.render.view import distant_view, lamp_view, see_all
+from hairfit.types import Mesh
+
+WIDTH = 0.0008
+TO_LIGHT = np.array([0.3, 0.8, 0.5])
+
+
+def rows_of(strands, width=WIDTH):
+    rows = np.zeros((*strands.shape[:2], 4), np.float32)
+    rows[..., :3] = strands
+    rows[:, :-1, 3] = width
+    return rows
+
+
+class Lit:
+    """Maps of a scene, and what they let through to the strands' vertices."""
+
+    def __init__(self, context, strands, view, style, known=None, head=None):
+        self.flat = strands.astype(np.float32).astype(np.float64).reshape(-1, 3)
+        count = len(self.flat)
+        points = context.buffer(rows_of(strands).tobytes())
+        out = context.buffer(reserve=8 * count)
+        maps = ShadowMaps(context, style)
+        depth = see_all(self.flat, view)[:, 2]
+        maps.build(points, count, view, depth, known)
+        maps.light(points, count, out, head=head)
+        self.opacity, self.past_head = read(out, np.float32, (count, 2)).T
+        self.slices = style.depths(depth)
+        self.bytes, self.memory = out.read(), maps.memory
+        self.cells = maps.opacity()
+        for thing in (points, out, maps):
+            thing.release()
+
+
+def a_view(kind, strands, size):
+    flat = strands.reshape(-1, 3)
+    if kind == "lamp":
+        return lamp_view(np.array([0.3, 0.5, 0.4]), flat, size)
+    return distant_view(TO_LIGHT, flat, size)
+
+
+@pytest.mark.parametrize("kind", ["distant", "lamp"])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"filter": "box3"},
+        {"slices": 12, "interpolation": "cubic"},
+        {"scheme": "density", "slices": 20},
+        {"scheme": "gamma", "slices": 20},
+        {"scheme": "adaptive", "slices": 8},
+    ],
+    ids=str,
+)
+def test_transmittance_is_the_references_to_a_grey_level(context, bob, kind, options):
+    style = ShadowStyle(size=96, **{"slices": 32, **options})
+    view = a_view(kind, bob, style.size)
+    lit = Lit(context, bob, view, style)
+    strands = lit.flat.reshape(bob.shape)
+    if style.scheme == "adaptive":
+        maps = layered_maps(strands, WIDTH, view, style.slices)
+    else:
+        maps = opacity_maps(strands, WIDTH, view, lit.slices)
+    expected = opacity_at(
+        maps, lit.flat, filter=style.filter, interpolation=style.interpolation
+    )
+    assert expected.max() > 0.8
+    error = np.abs(np.exp(-lit.opacity) - np.exp(-expected)).max()
+    assert error < 1.0 / 255.0
+
+
+def test_the_same_bits_come_out_every_time(context, bob):
+    style = ShadowStyle(size=96, slices=32)
+    view = a_view("distant", bob, style.size)
+    runs = {Lit(context, bob, view, style).bytes for _ in range(10)}
+    assert len(runs) == 1
+
+
+def test_a_known_range_gives_the_layers_that_the_reference_makes_of_it(context, bob):
+    style = ShadowStyle(size=64, slices=8, scheme="adaptive")
+    view = a_view("distant", bob, style.size)
+    own = hair_range(hair_pieces(bob, WIDTH, view), view)
+    # As cylinders around the hair would say: a little before it, and behind it.
+    known = Range(own.near - 0.01, own.far + 0.02)
+    lit = Lit(context, bob, view, style, known)
+    maps = layered_maps(bob, WIDTH, view, style.slices, near_far=known)
+    filled = np.isfinite(own.near)
+    np.testing.assert_allclose(lit.cells[:, filled], maps.opacity[:, filled], atol=2e-3)
+
+
+def test_layers_need_less_memory_than_maps(context, bob):
+    view = a_view("distant", bob, 64)
+    even = Lit(context, bob, view, ShadowStyle(size=64, slices=64))
+    layers = Lit(context, bob, view, ShadowStyle(64, 16, "adaptive"))
+    assert layers.memory <= 0.3 * even.memory
+
+
+def test_hair_beside_the_maps_and_behind_the_lamp_is_left_out(context):
+    x = np.linspace(-0.5, 0.5, 9)
+    strand = np.stack([x, 0.0 * x, np.linspace(-0.5, 1.0, 9)], -1)[None]
+    view = lamp_view(np.zeros(3), np.array([[0.0, 0.0, 1.0], [0.1, 0.1, 1.1]]), 32)
+    lit = Lit(context, strand, view, ShadowStyle(size=32, slices=4))
+    pieces = hair_pieces(strand, WIDTH, view)
+    assert lit.cells[-1].sum() == pytest.approx(pieces.area.sum(), rel=1e-4)
+    behind = lit.flat[:, 2] <= 0.0
+    assert (lit.opacity[behind] == 0.0).all()
+
+
+def test_a_head_hides_the_light_from_what_lies_behind_it(context):
+    corner = np.array([[-0.05, 0.0, -0.05], [0.05, 0, -0.05], [0.05, 0, 0.05]])
+    square = np.concatenate([corner, [[-0.05, 0.0, 0.05]]])
+    head = Mesh(square, np.array([[0, 1, 2], [0, 2, 3]]))
+    solid = Solid(context, 1)
+    solid.set_head(head)
+    x = np.linspace(-0.1, 0.1, 21)
+    heights = np.array([0.05, 0.001, -0.002, -0.05])[:, None]
+    strands = np.stack(np.broadcast_arrays(x, heights, 0.013), -1)
+    view = distant_view(np.array([0.0, 1.0, 0.0]), strands.reshape(-1, 3), 64)
+    style = ShadowStyle(size=64, slices=4, bias=0.003)
+    lit = Lit(context, strands, view, style, head=solid.depth_from(view))
+    share = lit.past_head.reshape(4, 21)
+    inside = np.abs(x) < 0.045
+    assert (share[:3] == 1.0).all()  # above it, and within the bias below
+    assert (share[3, inside] == 0.0).all()
+    assert (share[3, np.abs(x) > 0.055] == 1.0).all()
+    solid.release()
+
+
+def test_styles_without_maps_are_refused():
+    with pytest.raises(ValueError, match="at least 8 texels a side, 1 slice"):
+        ShadowStyle(slices=0)
