@@ -1,39 +1,23 @@
-"""Pictures of hair by compute shaders: shadows, shading, and pixels [Kim02, ch. 6]."""
+"""Pictures of hair by compute shaders: light, shading, and pixels [Kim02, ch. 6]."""
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from ..camera import Camera
-from ..pieces import strips_needed
 from ..raster import vertex_normals
 from ..scene import MOST_LIGHTS, PointLight, Scene, light_view
+from ..tiles import Tile, background_of, camera_of, halves, tiles
 from ..view import camera_view, see_all
-from .context import COMPUTE, Kernel, NoContextError, read
+from .buffers import Buffers
+from .context import COMPUTE, Kernel, NoContextError
+from .pixels import FrameStyle, Pixels, TooManyPiecesError, widest_strips
 from .shadows import ShadowMaps
 from .solid import Solid
 
-POINTS, SEEN, HEADS, RECORDS, COUNTER, TINT, COLOUR, SCATTERED = range(8)
-LIGHT = 3
-RECORD = 16  # bytes of a piece of hair in a list
-
-
-@dataclasses.dataclass(frozen=True)
-class FrameStyle:
-    """What a frame costs.
-
-    Attributes:
-        deep: Pieces of hair a pixel that are blended in order; those behind them are
-            blended as one (a k-buffer).
-        samples: Samples along the side of a pixel for the head.
-        white: Luminance that becomes white by the tone curve; 0 for no curve.
-    """
-
-    deep: int = 8
-    samples: int = 2
-    white: float = 0.0
+POINTS, LIGHT, TINT, COLOUR = 0, 3, 5, 6
+LONGEST = 2048  # pixels along the side of what is drawn at once
 
 
 class Frames:
@@ -49,21 +33,15 @@ class Frames:
                 f"this OpenGL is of version {context.version_code / 100:.1f}, and "
                 "compute shaders need 4.3; use `--engine jax`, or a newer driver."
             )
-        self.context, self.style = context, style
+        self.context = context
         self.relit = 0
-        constants = {"SAMPLES": style.samples, "DEEP": style.deep, "MODEL": 0}
-        self.kernels = {
-            name: Kernel(context, f"{name}.comp", **constants)
-            for name in ("see", "shade_hair", "shade_head", "fragments")
+        self.shaders = {
+            name: Kernel(context, f"{name}.comp", MODEL=0)
+            for name in ("shade_hair", "shade_head")
         }
-        for linear, pixel in ((0, "uint"), (1, "vec4")):
-            self.kernels[f"blend{linear}"] = Kernel(
-                context, "blend.comp", LINEAR=linear, PIXEL=pixel, **constants
-            )
-        limit = context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]
-        self.most_pieces = min(int(limit), 1 << 31) // RECORD
-        self.buffers: dict[str, Any] = {"counter": context.buffer(reserve=16)}
+        self.buffers = Buffers(context)
         self.solid = Solid(context, style.samples)
+        self.pixels = Pixels(context, style)
         self.maps: ShadowMaps | None = None
         self.set_scene(scene)
 
@@ -77,10 +55,9 @@ class Frames:
         rows[:, :-1, 3] = scene.look.width
         tints = np.ones((strands, knots, 4), np.float32)
         tints[..., :3] = scene.tints[:, None]
-        self.write("points", rows)
-        self.write("tint", tints)
-        self.reserve("seen", 16 * self.count)
-        self.reserve("colour", 16 * self.count)
+        self.buffers.write("points", rows)
+        self.buffers.write("tint", tints)
+        self.buffers.reserve("colour", 16 * self.count)
         self.solid.set_head(scene.head)
         if scene.head is not None:
             self.set_head()
@@ -95,9 +72,9 @@ class Frames:
         rows = np.zeros((2, n, 4), np.float32)
         rows[0, :, :3] = np.asarray(head.vertices) + 0.002 * normal
         rows[1, :, :3] = normal
-        self.write("head_points", rows[0])
-        self.write("head_normals", rows[1])
-        self.reserve("head_colour", 16 * n)
+        self.buffers.write("head_points", rows[0])
+        self.buffers.write("head_normals", rows[1])
+        self.buffers.reserve("head_colour", 16 * n)
 
     def relight(self) -> None:
         """Compute what every light lets through to hair and head."""
@@ -107,7 +84,7 @@ class Frames:
         lights = max(len(scene.lights), 1)
         for name, count in (("light", self.count), ("head_light", skin)):
             unlit = np.tile(np.array([0.0, 1.0], np.float32), (lights * count, 1))
-            self.write(name, unlit)
+            self.buffers.write(name, unlit)
         if scene.shadows is None or self.count == 0:
             return
         if self.maps is None or self.maps.style != scene.shadows:
@@ -139,82 +116,34 @@ class Frames:
 
     def drawn(self, camera: Camera, linear: bool) -> np.ndarray:
         """Return the picture of a camera, packed or linear."""
-        view = camera_view(camera)
-        eye = np.asarray(camera.centre, np.float64)
-        self.shade(eye)
-        seen = {
-            "view_matrix": np.asarray(view.matrix, np.float64),
-            "pixels_per_metre": float(view.pixels_per_metre),
-        }
-        pair = {0: self.buffers["points"], 1: self.buffers["seen"]}
-        self.kernels["see"].run(self.count, pair, **seen)
-        self.solid.draw(camera, self.scene.background, self.buffers.get("head_colour"))
-        pixels = camera.width * camera.height
-        self.write("heads", np.zeros(pixels, np.uint32))
-        self.gather(camera, self.strips(view))
-        name = f"blend{int(linear)}"
-        size = 16 if linear else 4
-        self.reserve("image", size * pixels)
-        self.solid.bind()
-        self.kernels[name].run(
-            pixels,
-            {
-                HEADS: self.buffers["heads"],
-                RECORDS: self.buffers["records"],
-                COLOUR: self.buffers["image"],
-            },
-            size=(camera.width, camera.height),
-            white=self.style.white,
-            ground=0,
-        )
+        self.shade(np.asarray(camera.centre, np.float64))
         shape = (camera.height, camera.width)
-        if linear:
-            return read(self.buffers["image"], np.float32, (*shape, 4))
-        return read(self.buffers["image"], np.uint32, shape)
+        out = np.empty(shape + (4,) if linear else shape, "f4" if linear else "u4")
+        for tile in tiles(camera.width, camera.height, LONGEST):
+            self.fill(out, tile, camera)
+        return out
 
-    def strips(self, view) -> int:
-        """Return how many thin lines one hair is drawn as."""
-        if self.count == 0:
-            return 1
-        # The nearest corner of the hair's box has the widest hair.
-        flat = self.scene.strands.reshape(-1, 3)
-        low, high = flat.min(0), flat.max(0)
-        corners = np.array(np.meshgrid(*np.stack([low, high], 1))).reshape(3, -1).T
-        return strips_needed(corners[:, None], self.scene.look.width, view)
-
-    def gather(self, camera: Camera, strips: int) -> None:
-        """List the pieces of hair of every pixel."""
-        if "records" not in self.buffers:
-            guess = min(8 * self.count, self.most_pieces)
-            self.reserve("records", RECORD * max(guess, 1))
-        self.solid.bind()
-        while True:
-            self.buffers["counter"].write(np.zeros(4, np.uint32).tobytes())
-            capacity = self.buffers["records"].size // RECORD
-            self.kernels["fragments"].run(
-                self.count - 1,
-                {
-                    POINTS: self.buffers["points"],
-                    SEEN: self.buffers["seen"],
-                    HEADS: self.buffers["heads"],
-                    RECORDS: self.buffers["records"],
-                    COUNTER: self.buffers["counter"],
-                    COLOUR: self.buffers["colour"],
-                },
-                capacity=capacity,
-                size=(camera.width, camera.height),
-                strips=strips,
-                alpha=self.scene.look.alpha,
-                solid=1,
+    def fill(self, out: np.ndarray, tile: Tile, camera: Camera) -> None:
+        """Draw a part of a picture, or its halves if it holds too much hair."""
+        scene = self.scene
+        part = camera_of(tile, camera)
+        view = camera_view(part)
+        background = background_of(tile, scene.background)
+        self.solid.draw(part, background, self.buffers.get("head_colour"))
+        try:
+            out[tile.slices] = self.pixels.draw(
+                view,
+                self.buffers,
+                self.count,
+                self.solid,
+                strips=widest_strips(scene.strands, scene.look.width, view),
+                width=scene.look.width,
+                alpha=scene.look.alpha,
+                linear=out.ndim == 3,
             )
-            used = int(read(self.buffers["counter"], np.uint32, (1,))[0])
-            if used <= capacity:
-                return
-            if used > self.most_pieces:
-                raise TooManyPiecesError(used)
-            self.reserve("records", RECORD * min(used * 5 // 4, self.most_pieces))
-            pixels = camera.width * camera.height
-            self.write("heads", np.zeros(pixels, np.uint32))
+        except TooManyPiecesError:
+            for half in halves(tile):
+                self.fill(out, half, camera)
 
     def shade(self, eye: Float[np.ndarray, " 3"]) -> None:
         """Compute what every vertex of hair and head sends to the eye."""
@@ -226,7 +155,7 @@ class Frames:
             TINT: self.buffers["tint"],
             COLOUR: self.buffers["colour"],
         }
-        self.kernels["shade_hair"].run(
+        self.shaders["shade_hair"].run(
             self.count,
             buffers,
             **light,
@@ -247,7 +176,7 @@ class Frames:
             COLOUR: self.buffers["head_colour"],
         }
         light["stride"] = count
-        self.kernels["shade_head"].run(count, buffers, **light, skin=scene.skin)
+        self.shaders["shade_head"].run(count, buffers, **light, skin=scene.skin)
 
     def light_uniforms(self) -> dict[str, Any]:
         """Return the lights as the shaders take them."""
@@ -267,29 +196,8 @@ class Frames:
             "sky": scene.sky,
         }
 
-    def write(self, name: str, value: np.ndarray) -> None:
-        """Write an array to a buffer, made larger if it must be."""
-        self.reserve(name, value.nbytes)
-        if value.nbytes:
-            self.buffers[name].write(np.ascontiguousarray(value))
-
-    def reserve(self, name: str, size: int) -> None:
-        """Make sure that a buffer has so many bytes."""
-        size = max(size, 16)
-        if name in self.buffers and self.buffers[name].size >= size:
-            return
-        if name in self.buffers:
-            self.buffers[name].release()
-        self.buffers[name] = self.context.buffer(reserve=size)
-
     def release(self) -> None:
         """Give all memory back."""
-        for buffer in self.buffers.values():
-            buffer.release()
-        self.solid.release()
-        if self.maps is not None:
-            self.maps.release()
-
-
-class TooManyPiecesError(RuntimeError):
-    """A picture has more pieces of hair than a buffer can hold: draw it by tiles."""
+        for part in (self.buffers, self.solid, self.pixels, self.maps):
+            if part is not None:
+                part.release()

@@ -5,6 +5,7 @@ layout(std430, binding = 2) readonly buffer Heads { uint head[]; };
 layout(std430, binding = 3) readonly buffer Records { uvec4 record[]; };
 layout(std430, binding = 6) writeonly buffer Image { PIXEL image[]; };
 uniform ivec2 size;
+uniform float merge;  // metres of depth within which pieces are of one hair
 uniform float white;  // luminance that becomes white, 0 to leave light as it is
 uniform sampler2D ground;
 vec4 behind(ivec2 pixel) {
@@ -48,10 +49,23 @@ void main() {
                 through *= 1.0 - last.y;
             }
         }
-        for (int k = 0; k < DEEP; k++) {
-            vec2 last = unpackHalf2x16(nearest[k].z);
-            sum += left * last.y * vec4(unpackHalf2x16(nearest[k].y), last.x, 1.0);
-            left *= 1.0 - last.y;
+        // Strips of one hair lie side by side: what they cover adds up.
+        vec4 hair = vec4(0.0);
+        float start = -1e30;
+        for (int k = 0; k <= DEEP; k++) {
+            uvec3 x = k < DEEP ? nearest[k] : uvec3(0u);
+            float depth = uintBitsToFloat(x.x);
+            vec2 last = unpackHalf2x16(x.z);
+            vec4 own = last.y * vec4(unpackHalf2x16(x.y), last.x, 1.0);
+            if (k < DEEP && depth - start < merge) {
+                hair += own;
+                continue;
+            }
+            float covered = min(hair.a, 1.0);
+            sum += left * covered * hair / max(hair.a, 1e-9);
+            left *= 1.0 - covered;
+            hair = own;
+            start = depth;
         }
         if (rest.a > 0.0) {
             sum += left * (1.0 - through) * rest / rest.a;
