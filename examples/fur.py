@@ -6,7 +6,6 @@ Run `python examples/fur.py`.
 import argparse
 import dataclasses
 import pathlib
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,19 +14,19 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from sheet import PICTURES, Sheet, look_from
 
-from hairfit.capture.photos import linear_from_srgb, srgb_from_linear
+from hairfit.capture.photos import srgb_from_linear
 from hairfit.model.fur import Fur, FurStyle, fur_style, grow_fur
 from hairfit.model.maps import ScalpMaps, even_maps, paint, smooth_map, symmetric_map
 from hairfit.render.camera import Camera
-from hairfit.render.gl import NoContextError, PreviewStyle, render_preview
-from hairfit.render.raster import mesh_depth, rasterise
-from hairfit.report.drawing import BROWN, plain_preview
+from hairfit.render.scene import HairLook
+from hairfit.render.studio import preview_scene
+from hairfit.report.drawing import draw_preview
 from hairfit.synthetic.gallery import make_subject
 
 TEXELS = 65
 CREAM, TAN, BLACK = (0.62, 0.45, 0.26), (0.42, 0.20, 0.06), (0.025, 0.018, 0.015)
 SILVER = (0.45, 0.43, 0.42)
-FINE = 2  # pixels of the rendering along the side of a pixel of the sheet
+WIDTH = 0.00015  # of a hair, in metres
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,40 +113,12 @@ def maned() -> Look:
     return Look("Maned", maps, style, points=24, azimuth_deg=70.0)
 
 
-class Grey(NamedTuple):
-    """A picture of fur of one colour, in linear RGB, and that colour."""
-
-    picture: Float[np.ndarray, "height width 3"]
-    colour: Float[np.ndarray, " 3"]
-
-
-def grey_fur(strands: Float[np.ndarray, "strands points 3"], camera: Camera) -> Grey:
-    """Return a picture of fur by OpenGL or, without it, by NumPy."""
-    grey = (0.3, 0.3, 0.3)
-    style = PreviewStyle(hair=grey, width_px=1.6, opacity=0.0001)
-    try:
-        picture = render_preview(strands, make_subject().head, camera, style=style)
-        base = np.array(grey)
-    except NoContextError:
-        picture, base = plain_preview(strands, make_subject().head, camera), BROWN
-    return Grey(linear_from_srgb(picture / 255.0), base)
-
-
 def coloured(fur: Fur, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
-    """Return a picture of fur in its own colours.
-
-    Previews have one colour of hair. So each pixel is multiplied by the colour of the
-    strand that is in front there.
-    """
-    strands = np.asarray(fur.strands, np.float64)
-    picture, base = grey_fur(strands, camera)
-    hidden = mesh_depth(make_subject().head, camera)
-    front = rasterise(strands, camera, mesh_depth=hidden, radius_px=1.0).strand
-    colour = np.asarray(fur.attributes.colour, np.float64)[np.maximum(front, 0)]
-    linear = picture * np.where(front[..., None] >= 0, colour / base, 1.0)
-    height, width = front.shape
-    cells = linear.reshape(height // FINE, FINE, width // FINE, FINE, 3)
-    return np.round(255.0 * srgb_from_linear(cells.mean((1, 3)))).astype(np.uint8)
+    """Return a picture of fur in its own colours."""
+    scene = preview_scene(np.asarray(fur.strands, np.float64), make_subject().head)
+    tint = np.asarray(fur.attributes.colour, np.float64)
+    look = HairLook(width=WIDTH, specular=(0.1, 0.1, 0.1))
+    return draw_preview(dataclasses.replace(scene, tint=tint, look=look), [camera])[0]
 
 
 def draw_map(sheet: Sheet, title: str, values: np.ndarray, top: float) -> None:
@@ -170,7 +141,7 @@ def main(out: pathlib.Path, hairs: int = 40_000) -> None:
     """
     sheet = Sheet(3, 5, (300, 340))
     scalp = make_subject().scalp
-    size = (FINE * 420, FINE * 476)
+    size = (420, 476)
     for look in (spotted(), curly(), maned()):
         maps = look.maps
         for title, values, top in (

@@ -5,6 +5,7 @@ opacity, the second one clusters for distance.
 """
 
 import argparse
+import dataclasses
 import pathlib
 
 import jax
@@ -20,28 +21,27 @@ from hairfit.model.detail import (
     with_strands,
 )
 from hairfit.render.camera import Camera
-from hairfit.render.gl import PreviewStyle, render_preview
+from hairfit.render.scene import HairLook
+from hairfit.render.studio import preview_scene
+from hairfit.report.drawing import draw_preview
 from hairfit.synthetic import STYLES, make_style
 from hairfit.synthetic.gallery import make_subject
 
 SEGMENTS_FEW = 20
-SAMPLES = 6  # along a pixel's side: strands are thinner than one
 
 
 def draw(strands: np.ndarray, camera: Camera, detail: Detail) -> np.ndarray:
     """Return a picture of hair in some detail.
 
-    A strand's alpha is the share of its width that is drawn: seen in fractions of a
-    pixel, that lets as much through.
-
     Args:
         strands: The strands.
         camera: The camera.
-        detail: How opaque and wide the strands are; 0.1 mm is drawn as one pixel.
+        detail: How opaque and wide the strands are.
     """
-    width = 1e4 * detail.width * detail.opacity
-    style = PreviewStyle(width_px=width, supersampling=SAMPLES)
-    return render_preview(strands, make_subject().head, camera, style=style)
+    # One strand stands for several, as heads have 100 000 hairs.
+    look = HairLook(width=3.0 * detail.width, alpha=detail.opacity)
+    scene = preview_scene(np.asarray(strands, np.float64), make_subject().head)
+    return draw_preview(dataclasses.replace(scene, look=look), [camera])[0]
 
 
 def by_strands(sheet: Sheet, tree: HairTree, camera: Camera, fine: Detail) -> None:

@@ -14,8 +14,10 @@ from ..errors import InputError
 from ..evaluate.visibility import even_strands
 from ..io.atomic import atomic_path
 from ..render.camera import Camera
-from ..render.gl import NoContextError, turntable
+from ..render.gl import NoContextError, draw_frames
 from ..render.raster import mesh_depth, rasterise
+from ..render.scene import Scene
+from ..render.studio import preview_scene, studio_lights
 from ..types import Mesh
 from .hairstyles import must_exist, read_strands
 from .pictures import to_bytes
@@ -129,11 +131,22 @@ def draw_hair(
     head: Mesh | None,
     cameras: Sequence[Camera],
 ) -> list[UInt8[np.ndarray, "height width 3"]]:
-    """Return a picture of hair for each camera, by OpenGL or, without it, by NumPy."""
+    """Return a picture of hair for each camera, as previews show it."""
+    return draw_preview(preview_scene(points, head), cameras)
+
+
+def draw_preview(
+    scene: Scene, cameras: Sequence[Camera]
+) -> list[UInt8[np.ndarray, "height width 3"]]:
+    """Return a picture of a scene for each camera, in light that moves with it.
+
+    By OpenGL or, without it, by NumPy.
+    """
     try:
-        return turntable(points, head, cameras)
+        pictures = draw_frames(scene, cameras, lights_of=studio_lights)
     except NoContextError:
-        return [plain_preview(points, head, camera) for camera in cameras]
+        return [plain_preview(scene.strands, scene.head, one) for one in cameras]
+    return [np.ascontiguousarray(picture[..., :3]) for picture in pictures]
 
 
 def plain_preview(

@@ -10,7 +10,10 @@ from jaxtyping import Bool, Float, UInt8
 
 from ..capture.photos import srgb_from_linear
 from ..render import Camera, Fibre, kajiya_kay, mesh_hits, project_points, rasterise
-from ..render.opacity import (
+from ..render.raster import unit, vertex_normals
+from ..types import Mesh
+from .head import head_distance
+from .voxels import (
     Box,
     Matter,
     Volume,
@@ -19,9 +22,6 @@ from ..render.opacity import (
     together,
     transmittance,
 )
-from ..render.raster import unit, vertex_normals
-from ..types import Mesh
-from .head import head_distance
 
 SUPERSAMPLING = 3
 STUDIO = Box(np.array([0.0, -0.03, -0.03]), 0.27, 0.003)

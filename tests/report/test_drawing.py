@@ -49,10 +49,10 @@ def test_without_opengl_hair_is_brown_and_hidden_by_the_head():
 
 
 def test_numpy_draws_where_there_is_no_opengl(points, monkeypatch):
-    def refuse(points, head, cameras):
+    def refuse(scene, cameras, **_):
         raise NoContextError("no OpenGL here.")
 
-    monkeypatch.setattr("hairfit.report.drawing.turntable", refuse)
+    monkeypatch.setattr("hairfit.report.drawing.draw_frames", refuse)
     camera = orbit_camera(points, 0.0, 0.0, (20, 30))
     (picture,) = draw_hair(points, None, [camera])
     assert np.array_equal(picture, plain_preview(points, None, camera))

@@ -1,6 +1,7 @@
 """Pictures for the eye, by OpenGL without a window."""
 
 from .context import NoContextError as NoContextError
-from .preview import PreviewStyle as PreviewStyle
-from .preview import render_preview as render_preview
-from .preview import turntable as turntable
+from .context import open_context as open_context
+from .frame import Frames as Frames
+from .pictures import draw_frames as draw_frames
+from .pixels import FrameStyle as FrameStyle

@@ -1,5 +1,6 @@
 """Pictures of hair by compute shaders: light, shading, and pixels [Kim02, ch. 6]."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ from jaxtyping import Float, UInt8
 
 from ..camera import Camera
 from ..raster import vertex_normals
-from ..scene import MOST_LIGHTS, PointLight, Scene, light_view
+from ..scene import MOST_LIGHTS, Light, PointLight, Scene, light_view
 from ..tiles import Tile, background_of, camera_of, halves, tiles
 from ..view import camera_view, see_all
 from .buffers import Buffers
@@ -61,6 +62,11 @@ class Frames:
         self.solid.set_head(scene.head)
         if scene.head is not None:
             self.set_head()
+        self.relight()
+
+    def set_lights(self, lights: tuple[Light, ...]) -> None:
+        """Take other lights; the rest of the scene stays."""
+        self.scene = dataclasses.replace(self.scene, lights=lights)
         self.relight()
 
     def set_head(self) -> None:
@@ -188,6 +194,7 @@ class Frames:
             else:
                 place[k], colour[k] = [*np.asarray(light.to_light), 0], light.colour
         kappa = 1.0 if scene.shadows is None else scene.shadows.kappa
+        kappa = kappa * scene.look.alpha
         return {
             "lights": len(scene.lights),
             "light_place": [tuple(row) for row in place],

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hairfit.render.opacity import (
+from hairfit.synthetic.voxels import (
     Box,
     Matter,
     hair_matter,

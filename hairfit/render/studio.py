@@ -1,0 +1,45 @@
+"""Lights and looks that show a hairstyle when nobody asks for others."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ..types import Mesh
+from .camera import Camera
+from .lights import DistantLight
+from .scene import HairLook, Scene
+from .shadow_style import PREVIEW_SHADOWS
+
+# Towards the lights, in the camera's axes (y down, z forward), and their strength: the
+# key light over the camera's left shoulder, and one behind the head for its outline.
+TOWARDS = ((-0.55, -0.75, -0.70), (0.60, -0.80, 0.55))
+STRENGTH = (1.5, 0.9)
+# Many hairs of their true width; few ones stand for more, and are drawn wider.
+WIDTH_OF_10_000 = 0.00012
+WIDEST, NARROWEST = 0.0008, 0.00006
+
+
+def studio_lights(camera: Camera) -> tuple[DistantLight, ...]:
+    """Return two lights that move with the camera."""
+    turn = np.asarray(camera.cam_from_world, np.float64)[:3, :3]
+    towards = np.array(TOWARDS) / np.linalg.norm(TOWARDS, axis=1, keepdims=True) @ turn
+    return tuple(
+        DistantLight(jnp.asarray(way), jnp.full(3, strength))
+        for way, strength in zip(towards, STRENGTH, strict=True)
+    )
+
+
+def shown_width(count: int) -> float:
+    """Return the width that so many strands are shown with, in metres."""
+    width = WIDTH_OF_10_000 * float(np.sqrt(10_000 / max(count, 1)))
+    return float(np.clip(width, NARROWEST, WIDEST))
+
+
+def preview_scene(
+    strands: Float[np.ndarray, "strands knots 3"], head: Mesh | None
+) -> Scene:
+    """Return hair on a head as previews show it; `studio_lights` light it."""
+    look = HairLook(width=shown_width(len(strands)))
+    return Scene(
+        strands, look=look, head=head, sky=(0.45, 0.45, 0.45), shadows=PREVIEW_SHADOWS
+    )

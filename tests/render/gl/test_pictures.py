@@ -1,0 +1,91 @@
+"""Pictures for the eye, and what is said where there is no OpenGL."""
+
+import subprocess
+import sys
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from hairfit import InputError
+from hairfit.render import Camera
+from hairfit.render.gl import NoContextError, draw_frames
+from hairfit.render.gl.solid import Solid, clip_from_world
+from hairfit.render.studio import preview_scene, studio_lights
+from hairfit.render.view import camera_view, distant_view, see_all
+from hairfit.types import Mesh
+
+
+@pytest.fixture
+def camera():
+    K = jnp.array([[100.0, 0.0, 30.0], [0.0, 100.0, 20.0], [0.0, 0.0, 1.0]])
+    return Camera(K, jnp.eye(4), 64, 48)
+
+
+def test_each_camera_has_a_picture_and_it_is_the_same_each_time(context, bob, camera):
+    scene = preview_scene(bob + [0.0, 0.0, 1.0], None)
+    first = draw_frames(scene, [camera, camera], lights_of=studio_lights)
+    again = draw_frames(scene, [camera], lights_of=studio_lights)
+    assert len(first) == 2
+    assert first[0].shape == (48, 64, 4)
+    np.testing.assert_array_equal(first[0], first[1])
+    np.testing.assert_array_equal(first[0], again[0])
+
+
+def test_lights_move_with_the_camera(camera):
+    turn = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    pose = jnp.eye(4).at[:3, :3].set(turn)
+    turned = Camera(camera.K, pose, 64, 48)
+    for here, there in zip(studio_lights(camera), studio_lights(turned), strict=True):
+        in_camera = turn @ np.asarray(there.to_light)
+        np.testing.assert_allclose(in_camera, here.to_light, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["camera", "distant"])
+def test_opengl_projects_as_the_view_does(camera, kind):
+    low, high = [-0.2, -0.2, 0.5], [0.2, 0.2, 1.0]
+    points = np.random.default_rng(0).uniform(low, high, (20, 3))
+    view = camera_view(camera)
+    if kind == "distant":
+        view = distant_view(np.array([0.2, 1.0, 0.3]), points, 48)
+    seen = see_all(points, view)
+    clip = np.c_[points, np.ones(20)] @ clip_from_world(view, seen[:, 2]).T
+    found = (clip[:, :2] / clip[:, 3:] + 1.0) / 2.0 * [view.width, view.height]
+    np.testing.assert_allclose(found, seen[:, :2], atol=1e-6)
+    depth = clip[:, 2] / clip[:, 3]
+    assert (np.abs(depth) <= 1.0).all()
+    assert (np.argsort(depth) == np.argsort(seen[:, 2])).all()
+
+
+def test_a_light_sees_the_nearest_face_of_the_head(context):
+    corner = np.array([[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    both = np.concatenate([corner, corner + [0.0, 0.5, 0.0]])
+    solid = Solid(context, 1)
+    solid.set_head(Mesh(both, np.array([[0, 1, 2], [3, 4, 5]])))
+    view = distant_view(np.array([0.0, 1.0, 0.0]), both, 32)
+    texture = solid.depth_from(view)
+    depth = np.frombuffer(texture.read(), np.float32).reshape(32, 32)
+    hit = depth < 1e20
+    assert 0.3 < hit.mean() < 0.6
+    np.testing.assert_allclose(depth[hit], -0.5, atol=1e-5)
+    solid.release()
+
+
+def test_without_opengl_a_sentence_says_what_to_install(monkeypatch, bob, camera):
+    import moderngl
+
+    def fail(*_, **__):
+        raise ValueError("no display")
+
+    monkeypatch.setattr(moderngl, "create_standalone_context", fail)
+    with pytest.raises(NoContextError, match="install Mesa's EGL"):
+        draw_frames(preview_scene(bob, None), [camera])
+    assert issubclass(NoContextError, InputError)
+
+
+def test_opengl_is_imported_when_it_is_needed():
+    code = "import sys, hairfit.render.gl; print('moderngl' in sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "False"
