@@ -7,12 +7,13 @@ from jaxtyping import Float
 
 from ..types import Mesh
 from .lights import DistantLight, PointLight
+from .phase_table import PhaseTable
 from .shadow_style import ShadowStyle
 from .view import View, distant_view, lamp_view
 
 Light = DistantLight | PointLight
 Colour = tuple[float, float, float]
-MOST_LIGHTS = 8
+MOST_LIGHTS = 16
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,6 +31,7 @@ class HairLook:
         shininess: Exponent of the highlight, $p$.
         forward: Share of the light that goes on through a hair, which its shadow lacks.
         variation: Share by which hairs differ in brightness.
+        table: Scattering function that takes the place of the highlight.
     """
 
     colour: Colour = (0.24, 0.110, 0.048)
@@ -42,6 +44,7 @@ class HairLook:
     shininess: float = 24.0
     forward: Colour = (0.0, 0.0, 0.0)
     variation: float = 0.3
+    table: PhaseTable | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +74,8 @@ class Scene:
         tint: Colour of each strand, which takes the place of the look's.
         head: What wears it, or None.
         skin: Colour of the head.
-        lights: At most eight.
+        lights: At most sixteen; a light's colour is what a white matt surface that
+            faces it sends to the eye.
         sky: Light from all sides.
         shadows: How shadows are made; None for none.
         background: What is behind.
@@ -98,13 +102,13 @@ class Scene:
             )
 
     @property
-    def tints(self) -> Float[np.ndarray, "strands 3"]:
-        """The colour of each strand, with what they differ in."""
+    def tints(self) -> Float[np.ndarray, "strands 4"]:
+        """The colour of each strand, and how bright it is beside the others."""
         count = len(self.strands)
         own = np.asarray(self.look.colour) if self.tint is None else self.tint
         rng = np.random.default_rng(0)
         bright = np.exp(self.look.variation * rng.standard_normal((count, 1)))
-        return bright * own
+        return np.concatenate([bright * own, bright], 1)
 
 
 def light_view(light: Light, points: Float[np.ndarray, "points 3"], size: int) -> View:

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from ..types import Mesh
 from .camera import Camera
 from .lights import DistantLight
-from .scene import HairLook, Scene
+from .scene import Colour, HairLook, Scene
 from .shadow_style import PREVIEW_SHADOWS
 
 # Towards the lights, in the camera's axes (y down, z forward), and their strength: the
@@ -43,3 +43,20 @@ def preview_scene(
     return Scene(
         strands, look=look, head=head, sky=(0.45, 0.45, 0.45), shadows=PREVIEW_SHADOWS
     )
+
+
+def sky_lights(radiance: Colour, count: int = 14) -> tuple[DistantLight, ...]:
+    """Return far lights in all directions, that hair can shadow, instead of a sky.
+
+    Args:
+        radiance: Light from every direction.
+        count: Number of lights.
+    """
+    # A spiral from pole to pole covers the ball evenly.
+    height = 1.0 - 2.0 * (np.arange(count) + 0.5) / count
+    turn = np.pi * (1.0 + 5.0**0.5) * np.arange(count)
+    level = np.sqrt(1.0 - height**2)
+    towards = np.stack([level * np.cos(turn), height, level * np.sin(turn)], 1)
+    # All of them light a white matt surface as the sky does: pi over half a ball.
+    colour = jnp.asarray(radiance) * 4.0 / count
+    return tuple(DistantLight(jnp.asarray(way), colour) for way in towards)

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from ..camera import Camera
+from ..phase_table import PhaseTable
 from ..raster import vertex_normals
 from ..scene import MOST_LIGHTS, Light, PointLight, Scene, light_view
 from ..tiles import Tile, background_of, camera_of, halves, tiles
@@ -37,13 +38,14 @@ class Frames:
         self.context = context
         self.relit = 0
         self.shaders = {
-            name: Kernel(context, f"{name}.comp", MODEL=0)
+            name: Kernel(context, f"{name}.comp")
             for name in ("shade_hair", "shade_head")
         }
         self.buffers = Buffers(context)
         self.solid = Solid(context, style.samples)
         self.pixels = Pixels(context, style)
         self.maps: ShadowMaps | None = None
+        self.table: Any = None
         self.set_scene(scene)
 
     def set_scene(self, scene: Scene) -> None:
@@ -54,15 +56,24 @@ class Frames:
         rows = np.zeros((strands, knots, 4), np.float32)
         rows[..., :3] = scene.strands
         rows[:, :-1, 3] = scene.look.width
-        tints = np.ones((strands, knots, 4), np.float32)
-        tints[..., :3] = scene.tints[:, None]
+        tints = np.repeat(scene.tints[:, None].astype(np.float32), knots, 1)
         self.buffers.write("points", rows)
         self.buffers.write("tint", tints)
         self.buffers.reserve("colour", 16 * self.count)
+        self.set_table(scene.look.table)
         self.solid.set_head(scene.head)
         if scene.head is not None:
             self.set_head()
         self.relight()
+
+    def set_table(self, table: PhaseTable | None) -> None:
+        """Take another scattering function."""
+        if self.table is not None:
+            self.table.release()
+        values = np.zeros((1, 1, 1, 3), "f4") if table is None else table.values
+        size = values.shape[2::-1]
+        self.table = self.context.texture3d(size, 3, values.tobytes(), dtype="f4")
+        self.table.repeat_x = self.table.repeat_y = self.table.repeat_z = False
 
     def set_lights(self, lights: tuple[Light, ...]) -> None:
         """Take other lights; the rest of the scene stays."""
@@ -161,6 +172,7 @@ class Frames:
             TINT: self.buffers["tint"],
             COLOUR: self.buffers["colour"],
         }
+        self.table.use(location=0)
         self.shaders["shade_hair"].run(
             self.count,
             buffers,
@@ -171,6 +183,8 @@ class Frames:
             specular=look.specular,
             coloured=look.coloured,
             shininess=look.shininess,
+            tabled=look.table is not None,
+            phase=0,
         )
         if scene.head is None:
             return
@@ -182,7 +196,9 @@ class Frames:
             COLOUR: self.buffers["head_colour"],
         }
         light["stride"] = count
-        self.shaders["shade_head"].run(count, buffers, **light, skin=scene.skin)
+        self.shaders["shade_head"].run(
+            count, buffers, **light, skin=scene.skin, eye=tuple(eye)
+        )
 
     def light_uniforms(self) -> dict[str, Any]:
         """Return the lights as the shaders take them."""
@@ -205,6 +221,7 @@ class Frames:
 
     def release(self) -> None:
         """Give all memory back."""
-        for part in (self.buffers, self.solid, self.pixels, self.maps):
+        parts = self.buffers, self.solid, self.pixels, self.maps, self.table
+        for part in parts:
             if part is not None:
                 part.release()

@@ -12,6 +12,8 @@ from hairfit.render.gl.context import NoContextError
 from hairfit.render.gl.frame import Frames
 from hairfit.render.gl.pixels import FrameStyle
 from hairfit.render.lights import DistantLight, PointLight
+from hairfit.render.phase import phase_angles
+from hairfit.render.phase_table import phase_table
 from hairfit.render.pieces import hair_pieces
 from hairfit.render.scene import Background, HairLook, Scene
 from hairfit.render.shadow_style import ShadowStyle
@@ -53,7 +55,7 @@ def test_pixels_are_what_exact_blending_gives(context, bob, camera):
     view = camera_view(camera)
     pieces = hair_pieces(bob.astype(np.float32).astype(np.float64), 0.0006, view)
     strand = pieces.segment // (bob.shape[1] - 1)
-    expected = composite(pieces, scene.tints[strand], 1.0, view)
+    expected = composite(pieces, scene.tints[strand, :3], 1.0, view)
     assert expected.coverage.max() > 0.8
     assert np.abs(got[..., 3] - expected.coverage).max() < 2.0 / 255.0
     error = got[..., :3] - expected.colour
@@ -181,7 +183,32 @@ def test_an_old_opengl_is_refused_with_what_to_do(bob):
         Frames(Old(), Scene(bob))
 
 
-def test_nine_lights_are_refused(bob):
+def test_more_lights_than_shaders_take_are_refused(bob):
     light = DistantLight(jnp.array([0.0, 1.0, 0.0]), jnp.ones(3))
-    with pytest.raises(ValueError, match="at most 8 lights, got 9"):
-        Scene(bob, lights=(light,) * 9)
+    with pytest.raises(ValueError, match="at most 16 lights, got 17"):
+        Scene(bob, lights=(light,) * 17)
+
+
+def test_a_table_shines_as_the_function_that_it_holds(context, camera):
+    def phase(angles):
+        theta, theta_eye, phi = angles
+        lobe = jnp.exp(-2.0 * (theta - 0.5 * theta_eye) ** 2) + 0.2 * theta_eye
+        return lobe * jnp.array([1.0, 0.5, 0.2]) * (1.2 + jnp.cos(phi - 0.5))
+
+    table = phase_table(phase, 96, 48)
+    x = np.linspace(-0.1, 0.1, 81)
+    strand = np.stack([x, np.full(81, 0.02), np.zeros(81)], -1)
+    look = HairLook(width=0.004, variation=0.0, diffuse=0.0, ambient=0.0, table=table)
+    p = jnp.array([0.5 * 0.5 / 110.0, 0.02, 0.0])
+    to_eye = camera.centre - p
+    to_eye = to_eye / jnp.linalg.norm(to_eye)
+    column, row = np.asarray(camera.project(p).pixel).astype(int)
+    for way in ([0.2, 0.9, 0.3], [-0.4, 0.1, -0.9]):
+        to_light = jnp.asarray(way) / jnp.linalg.norm(jnp.asarray(way))
+        light = DistantLight(to_light, jnp.ones(3))
+        scene = Scene(strand[None], look=look, lights=(light,), shadows=None)
+        got = drawn(context, dataclasses.replace(scene, background=BLACK), camera)
+        angles = phase_angles(jnp.array([1.0, 0.0, 0.0]), to_light, to_eye)
+        expected = np.pi * jnp.cos(angles.theta) * phase(angles)
+        pixel = got[row, column]
+        np.testing.assert_allclose(pixel[:3] / pixel[3], expected, rtol=0.01)

@@ -1,5 +1,5 @@
 // Lights: direction (w = 0) or place (w = 1) and colour, and what of them reaches a point.
-const int MOST = 8;
+const int MOST = 16;
 uniform int lights;
 uniform vec4 light_place[MOST];
 uniform vec3 light_colour[MOST];
