@@ -51,7 +51,7 @@ def measures(observation, seed=5):
     depth = jnp.where(seen, observation.depth - 0.8, 0.0)
     return jnp.stack(
         [
-            jnp.sum(out * jnp.asarray(rng.normal(size=out.shape)) + out**2)
+            jnp.sum(out * jnp.asarray(rng.normal(size=out.shape), out.dtype) + out**2)
             for out in observation._replace(depth=depth)
         ]
     )
@@ -316,6 +316,20 @@ def test_both_forms_of_sums_agree():
     )
     assert float(a) == pytest.approx(float(b), rel=1e-12)
     np.testing.assert_allclose(slope_a, slope_b, atol=1e-8)
+
+
+def test_single_precision_is_enough_for_gradients():
+    points, look = two_wisps()
+    view = camera_view(make_camera())
+
+    def loss(p, view, look, between):
+        return measures(observe(p, view, look, between=between, config=CONFIG)).sum()
+
+    exact = (points, view, look, BETWEEN)
+    single = jax.tree.map(lambda x: x.astype(jnp.float32), exact)
+    a, b = (np.ravel(jax.jit(jax.grad(loss))(*x)) for x in (exact, single))
+    assert b.dtype == np.float32
+    assert a @ b / (np.linalg.norm(a) * np.linalg.norm(b)) > 0.9999
 
 
 def memory(strands, size):
