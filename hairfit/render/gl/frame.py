@@ -13,7 +13,7 @@ from ..scene import MOST_LIGHTS, Light, PointLight, Scene, light_view
 from ..tiles import Tile, background_of, camera_of, halves, tiles
 from ..view import camera_view, see_all
 from .buffers import Buffers
-from .context import COMPUTE, Kernel, NoContextError
+from .context import COMPUTE, Kernel, NoContextError, read
 from .pixels import FrameStyle, Pixels, TooManyPiecesError, widest_strips
 from .shadows import ShadowMaps
 from .solid import Solid
@@ -130,6 +130,12 @@ class Frames:
     def draw_linear(self, camera: Camera) -> Float[np.ndarray, "height width 4"]:
         """Return light and coverage, linear and premultiplied."""
         return self.drawn(camera, linear=True)
+
+    def colours(self, camera: Camera) -> Float[np.ndarray, "strands knots 3"]:
+        """Return what every vertex of hair sends to a camera, linear RGB."""
+        self.shade(np.asarray(camera.centre, np.float64))
+        shape = *self.scene.strands.shape[:2], 4
+        return read(self.buffers["colour"], np.float32, shape)[..., :3]
 
     def drawn(self, camera: Camera, linear: bool) -> np.ndarray:
         """Return the picture of a camera, packed or linear."""
