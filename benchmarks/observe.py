@@ -5,9 +5,6 @@ picture of 256 x 256 pixels; a segment is 4 pixels long. Compiling is not counte
 Beside the times stands the temporary memory of the compiled program.
 """
 
-import os
-import pathlib
-import platform
 import statistics
 import time
 from collections.abc import Callable
@@ -15,6 +12,7 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
+from strands import machine
 
 from hairfit.render import Camera, Fibre
 from hairfit.render.lights import DistantLight, ShadowConfig, shade
@@ -27,20 +25,6 @@ STRANDS, KNOTS, SIZE = 2_000, 33, 256
 STEP = 0.0049  # Length of a segment, in metres.
 WIDTH = 3e-4
 REPEATS = 5
-
-
-def machine() -> str:
-    """Return what the figures were measured on, in one line."""
-    cpu = platform.processor() or platform.machine()
-    info = pathlib.Path("/proc/cpuinfo")
-    if info.exists():
-        names = [x for x in info.read_text().splitlines() if x.startswith("model name")]
-        cpu = names[0].split(":")[1].strip() if names else cpu
-    device = jax.devices()[0]
-    return (
-        f"{cpu}, {os.cpu_count()} cores; JAX on {device.device_kind}; "
-        f"Python {platform.python_version()}, jax {jax.__version__}"
-    )
 
 
 def make_bob(seed: int = 0) -> jax.Array:

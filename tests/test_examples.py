@@ -24,6 +24,7 @@ SMALL = {
     "penetration": "strands=600",
     "phase_functions": "rays=200_000",
     "selection": "",
+    "shadows": "strands=800, hairs=3000",
     "subdivision": "strands=800, children=3",
     "transfer": "strands=800",
     "treeify": "strands=1500",

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from ...capture.photos import srgb_from_linear
 from ..camera import Camera
 from ..phase_table import PhaseTable
 from ..raster import vertex_normals
-from ..scene import MOST_LIGHTS, Light, PointLight, Scene, light_view
+from ..scene import MOST_LIGHTS, Background, Light, PointLight, Scene, light_view
 from ..tiles import Tile, background_of, camera_of, halves, tiles
 from ..view import camera_view, see_all
 from .buffers import Buffers
@@ -124,12 +125,27 @@ class Frames:
 
     def draw(self, camera: Camera) -> UInt8[np.ndarray, "height width 4"]:
         """Return a picture, 8 bit sRGB with its coverage as alpha."""
+        if self.pixels.style.fine > 1:
+            return encoded(self.draw_linear(camera), self.pixels.style.white)
         packed = self.drawn(camera, linear=False)
         return packed.view(np.uint8).reshape(camera.height, camera.width, 4)
 
-    def draw_linear(self, camera: Camera) -> Float[np.ndarray, "height width 4"]:
-        """Return light and coverage, linear and premultiplied."""
-        return self.drawn(camera, linear=True)
+    def draw_linear(
+        self,
+        camera: Camera,
+        colours: Float[np.ndarray, "strands knots 3"] | None = None,
+    ) -> Float[np.ndarray, "height width 4"]:
+        """Return light and coverage, linear and premultiplied.
+
+        Args:
+            camera: The camera.
+            colours: What each vertex of hair sends to it, instead of what light does.
+        """
+        n = self.pixels.style.fine
+        drawn = self.drawn(magnified(camera, n), linear=True, colours=colours)
+        if n == 1:
+            return drawn
+        return drawn.reshape(camera.height, n, camera.width, n, 4).mean((1, 3))
 
     def colours(self, camera: Camera) -> Float[np.ndarray, "strands knots 3"]:
         """Return what every vertex of hair sends to a camera, linear RGB."""
@@ -137,9 +153,16 @@ class Frames:
         shape = *self.scene.strands.shape[:2], 4
         return read(self.buffers["colour"], np.float32, shape)[..., :3]
 
-    def drawn(self, camera: Camera, linear: bool) -> np.ndarray:
+    def drawn(
+        self, camera: Camera, linear: bool, colours: np.ndarray | None = None
+    ) -> np.ndarray:
         """Return the picture of a camera, packed or linear."""
+        self.background = enlarged(self.scene.background, self.pixels.style.fine)
         self.shade(np.asarray(camera.centre, np.float64))
+        if colours is not None:
+            rows = np.ones((*colours.shape[:2], 4), np.float32)
+            rows[..., :3] = colours
+            self.buffers.write("colour", rows)
         shape = (camera.height, camera.width)
         out = np.empty(shape + (4,) if linear else shape, "f4" if linear else "u4")
         for tile in tiles(camera.width, camera.height, LONGEST):
@@ -151,7 +174,7 @@ class Frames:
         scene = self.scene
         part = camera_of(tile, camera)
         view = camera_view(part)
-        background = background_of(tile, scene.background)
+        background = background_of(tile, self.background)
         self.solid.draw(part, background, self.buffers.get("head_colour"))
         try:
             out[tile.slices] = self.pixels.draw(
@@ -231,3 +254,36 @@ class Frames:
         for part in parts:
             if part is not None:
                 part.release()
+
+
+def magnified(camera: Camera, factor: int) -> Camera:
+    """Return a camera whose picture has more pixels of the same."""
+    K = camera.K.at[:2].multiply(factor)
+    size = factor * camera.width, factor * camera.height
+    return Camera(K, camera.cam_from_world, *size)
+
+
+def encoded(
+    linear: Float[np.ndarray, "height width 4"], white: float
+) -> UInt8[np.ndarray, "height width 4"]:
+    """Return premultiplied light as 8 bit sRGB, as `blend.comp` does."""
+    cover = linear[..., 3:]
+    colour = linear[..., :3] / np.where(cover > 0.0, cover, 1.0)
+    if white > 0.0:
+        light = colour @ np.array([0.2126, 0.7152, 0.0722], np.float32)[:, None]
+        colour = colour * (1.0 + light / white**2) / (1.0 + light)
+    shown = np.concatenate([srgb_from_linear(colour), cover], -1)
+    return np.round(255.0 * np.clip(shown, 0.0, 1.0)).astype(np.uint8)
+
+
+def enlarged(background: Background, factor: int) -> Background:
+    """Return a background whose picture has more pixels of the same."""
+
+    def more(picture):
+        if picture is None or factor == 1:
+            return picture
+        return np.repeat(np.repeat(picture, factor, 0), factor, 1)
+
+    return dataclasses.replace(
+        background, picture=more(background.picture), depth=more(background.depth)
+    )

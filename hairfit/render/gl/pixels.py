@@ -28,11 +28,14 @@ class FrameStyle:
         deep: Hairs of a pixel that are blended in order; those behind them are blended
             as one (a k-buffer).
         samples: Samples along the side of a pixel, of what is not hair.
+        fine: Pixels along the side of each pixel that are drawn and averaged. Blending
+            takes hairs to lie in a pixel at random; small pixels know better.
         white: Luminance that becomes white by the tone curve; 0 for no curve.
     """
 
     deep: int = 8
     samples: int = 2
+    fine: int = 1
     white: float = 0.0
 
 

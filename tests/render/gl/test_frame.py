@@ -212,3 +212,21 @@ def test_a_table_shines_as_the_function_that_it_holds(context, camera):
         expected = np.pi * jnp.cos(angles.theta) * phase(angles)
         pixel = got[row, column]
         np.testing.assert_allclose(pixel[:3] / pixel[3], expected, rtol=0.01)
+
+
+def test_small_pixels_are_averaged_to_the_same_picture_but_finer(context, bob, camera):
+    picture = np.full((80, 96, 3), 0.5)
+    scene = flat_scene(bob, background=Background(picture=picture))
+    coarse = drawn(context, scene, camera)
+    fine = drawn(context, scene, camera, FrameStyle(deep=48, fine=3))
+    assert fine.shape == coarse.shape
+    assert np.abs(fine - coarse).mean() < 0.01
+    assert 25.0 < -10.0 * np.log10(((fine - coarse) ** 2).mean()) < 60.0
+    frames = Frames(context, scene, FrameStyle(fine=2, white=4.0))
+    small = frames.draw(camera)
+    frames.release()
+    frames = Frames(context, scene, FrameStyle(white=4.0))
+    direct = frames.draw(camera)
+    frames.release()
+    assert np.abs(small.astype(int) - direct).mean() < 3.0
+    np.testing.assert_array_equal(small[0, 0], direct[0, 0])
