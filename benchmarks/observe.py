@@ -43,11 +43,16 @@ def make_bob(seed: int = 0) -> jax.Array:
     return jnp.asarray(points, jnp.float32)
 
 
-def make_view() -> View:
+def make_camera() -> Camera:
     """Return a camera 0.8 m before the hair, whose picture it fills."""
     K = jnp.array([[700.0, 0.0, 128.0], [0.0, 700.0, 118.0], [0.0, 0.0, 1.0]])
     pose = jnp.diag(jnp.array([1.0, -1.0, -1.0, 1.0])).at[2, 3].set(0.8)
-    return camera_view(Camera(K, pose, SIZE, SIZE))
+    return Camera(K, pose, SIZE, SIZE)
+
+
+def make_view() -> View:
+    """Return that camera's view."""
+    return camera_view(make_camera())
 
 
 def measure(what: str, function: Callable, *arguments) -> None:
@@ -69,9 +74,8 @@ def measure(what: str, function: Callable, *arguments) -> None:
     )
 
 
-def main() -> None:
+def measure_observe() -> None:
     """Print all figures."""
-    print(machine())
     points, view = make_bob(), make_view()
     samples = samples_needed(points, view)
     width = jnp.asarray(WIDTH, jnp.float32)
@@ -114,4 +118,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    print(machine())
+    measure_observe()

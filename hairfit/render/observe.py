@@ -30,6 +30,8 @@ from .view import View
 
 # Less coverage than this is none: there depth is 0.
 FAINTEST = 1e-6
+# Hair as wide as a pixel would have no end of opacity.
+WIDEST = 0.95
 
 
 @dataclass(frozen=True)
@@ -42,16 +44,21 @@ class ObserveConfig:
             does not allow.
         form: How samples are summed, see `splat.spread`.
         softness: Depth in metres over which hair fades beneath a head's surface.
+        blur: Width in pixels over which hair goes from one pixel to the next, see
+            `splat.Grid`.
     """
 
     layers: int = 16
     samples: int | None = None
     form: Form = "auto"
     softness: float = 0.005
+    blur: float = 1.0
 
     def __post_init__(self):
         if self.layers < 2:
             raise ValueError(f"visibility needs at least 2 layers, got {self.layers}.")
+        if not 0.0 < self.blur <= 1.0:
+            raise ValueError(f"`blur` must be above 0 and at most 1, got {self.blur}.")
 
 
 class Appearance(eqx.Module):
@@ -111,12 +118,12 @@ def observe(
     segments = see_segments(points, appearance.width, view)
     if between is None:
         between = depths_of(segments.ends[:, 2], config.layers)
-    grid = Grid(view.height, view.width, config.layers)
+    grid = Grid(view.height, view.width, config.layers, config.blur)
     colour = pairs(jnp.moveaxis(appearance.radiance, -1, 0))
 
     def row(share):
         samples = sample_segments(segments, share, number)
-        area = samples.area
+        area = samples.area * solid_share(samples.across)
         if head_depth is not None:
             area = area * in_front(samples, head_depth, between, config)
         deep = (samples.depth - between.near) / (between.far - between.near)
@@ -175,6 +182,18 @@ def seen_share(opacity: Float[Array, "*cells"]) -> Float[Array, "*cells"]:
     thick = opacity > 1e-5
     safe = jnp.where(thick, opacity, 1.0)
     return jnp.where(thick, -jnp.expm1(-safe) / safe, 1.0 - 0.5 * opacity)
+
+
+def solid_share(across: Float[Array, " samples"]) -> Float[Array, " samples"]:
+    r"""Return how much more opacity than area hair has that hides what is behind it.
+
+    Where hair $w$ pixels wide crosses a pixel, $1 - e^{-\Omega} = w$ is to be hidden.
+
+    Args:
+        across: Width of hair, in pixels.
+    """
+    width = jnp.clip(across, 1e-4, WIDEST)
+    return -jnp.log1p(-width) / width
 
 
 def in_front(

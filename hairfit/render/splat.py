@@ -39,11 +39,14 @@ class Grid:
         height: Rows of the picture.
         width: Columns of the picture.
         layers: Layers along the depth.
+        blur: Width over which a sample goes from one pixel to the next, in pixels: 1
+            shares it between both always, as a tent does; less, near their border.
     """
 
     height: int
     width: int
     layers: int
+    blur: float = 1.0
 
     @property
     def cells(self) -> int:
@@ -225,10 +228,9 @@ look_up.defvjp(look_up_forward, look_up_backward)
 
 def taps(place: Place, grid: Grid) -> Iterator[Tap]:
     """Yield the eight cells around each sample, the layers of a pixel in turn."""
-    columns, rows, layers = (
-        both_sides(x, count)
-        for x, count in zip(place, (grid.width, grid.height, grid.layers), strict=True)
-    )
+    columns = both_sides(place.column, grid.width, grid.blur)
+    rows = both_sides(place.row, grid.height, grid.blur)
+    layers = both_sides(place.layer, grid.layers)
     for row, column, layer in product(rows, columns, layers):
         index = (row.index * grid.width + column.index) * grid.layers + layer.index
         yield Tap(
@@ -250,20 +252,24 @@ def lower_cell(x: Float[Array, " samples"], count: int) -> Int[Array, " samples"
     return jnp.floor(jnp.clip(x, -2.0, count)).astype(jnp.int32)
 
 
-def both_sides(x: Float[Array, " samples"], count: int) -> tuple[Axis, Axis]:
+def both_sides(
+    x: Float[Array, " samples"], count: int, blur: float = 1.0
+) -> tuple[Axis, Axis]:
     """Return the cells before and after each place along one axis."""
     low = lower_cell(x, count)
-    share = x - low.astype(x.dtype)
+    ramp = (x - low.astype(x.dtype) - 0.5) / blur + 0.5
+    share = jnp.clip(ramp, 0.0, 1.0)
+    steep = jnp.where((ramp >= 0.0) & (ramp <= 1.0), 1.0 / blur, 0.0)
 
     def side(index, weight, slope):
         inside = (index >= 0) & (index < count)
         return Axis(
             jnp.clip(index, 0, count - 1),
             jnp.where(inside, weight, 0.0),
-            jnp.where(inside, jnp.full_like(x, slope), 0.0),
+            jnp.where(inside, slope, 0.0),
         )
 
-    return side(low, 1.0 - share, -1.0), side(low + 1, share, 1.0)
+    return side(low, 1.0 - share, -steep), side(low + 1, share, steep)
 
 
 def gathered(

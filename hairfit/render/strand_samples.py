@@ -39,11 +39,13 @@ class Samples(NamedTuple):
         depth: Distance along the view's axis, in metres.
         area: Area of the picture that the sample covers, in pixels: the opacity
             $\Omega$ that it adds.
+        across: Width of the hair there, in pixels.
     """
 
     pixel: Float[Array, "2 samples"]
     depth: Float[Array, " samples"]
     area: Float[Array, " samples"]
+    across: Float[Array, " samples"]
 
 
 class DepthRange(NamedTuple):
@@ -105,8 +107,7 @@ def sample_segments(segments: Segments, share: Float[Array, ""], count: int) -> 
         count: Samples a segment in all.
     """
     x, y, depth, across = between_ends(segments.ends, share)
-    area = across * segments.length / count
-    return Samples(jnp.stack([x, y]), depth, area)
+    return Samples(jnp.stack([x, y]), depth, across * segments.length / count, across)
 
 
 def middles(count: int, kind: jnp.dtype) -> Float[Array, " samples"]:

@@ -1,5 +1,7 @@
 """What a camera measures of hair, and that its gradients are right."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -85,14 +87,16 @@ def compare(measure, x, count=200, step=1e-6):
 
 
 @pytest.mark.parametrize("occluded", [False, True])
-def test_gradients_by_points_are_those_of_finite_differences(occluded):
+@pytest.mark.parametrize("blur", [1.0, 0.4])
+def test_gradients_by_points_are_those_of_finite_differences(occluded, blur):
+    config = dataclasses.replace(CONFIG, blur=blur)
     points, look = two_wisps()
     if not occluded:
         points, look = points[:40], first(look)
     view = camera_view(make_camera())
 
     def measure(p):
-        return measures(observe(p, view, look, between=BETWEEN, config=CONFIG))
+        return measures(observe(p, view, look, between=BETWEEN, config=config))
 
     assert compare(measure, points) > 0.99
 
@@ -157,15 +161,30 @@ def test_gradients_by_lights_and_fibres_are_those_of_finite_differences():
     assert compare(measure, numbers) > 0.99
 
 
-def test_opacity_adds_up_to_the_projected_area():
+def test_opacity_of_thin_hair_adds_up_to_the_projected_area():
     points, appearance = two_wisps()
+    thin = eqx.tree_at(lambda a: a.width, appearance, jnp.asarray(2e-6))
     points, view = 0.7 * points, camera_view(make_camera())  # wholly in the picture
-    seen = observe(points, view, appearance, config=CONFIG)
+    seen = observe(points, view, thin, config=CONFIG)
     opacity = -np.log1p(-np.asarray(seen.coverage)).sum()
     found = jax.vmap(jax.vmap(view.see))(points)
     length = np.linalg.norm(np.diff(found.pixel, axis=1), axis=-1)
     scale = 0.5 * (found.scale[:, :-1] + found.scale[:, 1:])
-    assert opacity == pytest.approx(float((length * scale * 2e-3).sum()), rel=1e-9)
+    assert opacity == pytest.approx(float((length * scale * 2e-6).sum()), rel=1e-3)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4, 0.9])
+@pytest.mark.parametrize("blur", [0.5, 1.0])
+def test_a_hair_hides_its_width_of_each_pixel_that_it_crosses(share, blur):
+    camera = make_camera()
+    f = float(camera.K[0, 0])
+    y = np.linspace(-0.08, 0.08, 9)
+    strand = np.stack([np.full(9, 0.5 * 0.8 / f), y, np.zeros(9)], -1)[None]
+    look = Appearance(jnp.asarray(share * 0.8 / f), jnp.ones((1, 9, 3)))
+    config = ObserveConfig(layers=4, samples=20, blur=blur)
+    seen = observe(jnp.asarray(strand), camera_view(camera), look, config=config)
+    np.testing.assert_allclose(seen.coverage[8:24, 16], share, rtol=0.02)
+    np.testing.assert_allclose(seen.coverage[:, :16], 0.0, atol=1e-12)
 
 
 def first(look):
@@ -367,6 +386,8 @@ def test_what_cannot_be_is_refused():
     view = camera_view(make_camera())
     with pytest.raises(ValueError, match="at least 2 layers, got 1"):
         ObserveConfig(layers=1)
+    with pytest.raises(ValueError, match="above 0 and at most 1, got 0.0"):
+        ObserveConfig(blur=0.0)
     with pytest.raises(ValueError, match="call `samples_needed` first"):
         jax.jit(lambda p: observe(p, view, look))(points)
 

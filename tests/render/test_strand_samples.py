@@ -50,7 +50,7 @@ def test_only_segments_in_the_picture_count_for_the_number_of_samples():
 def test_the_outermost_layers_centres_are_the_outermost_depths():
     depth = jnp.array([0.7, 0.8, 1.1])
     between = depths_of(depth, 5)
-    samples = Samples(jnp.full((2, 3), 0.5), depth, jnp.ones(3))
+    samples = Samples(jnp.full((2, 3), 0.5), depth, jnp.ones(3), jnp.ones(3))
     place = place_in(samples, between, Grid(20, 40, 5))
     np.testing.assert_allclose(place.layer, [0.0, 1.0, 4.0], atol=1e-12)
     np.testing.assert_allclose(place.column, 0.0)
@@ -59,6 +59,8 @@ def test_the_outermost_layers_centres_are_the_outermost_depths():
 @pytest.mark.parametrize("depth", [0.1, 5.0])
 def test_what_lies_beyond_the_range_is_in_the_outermost_layer(depth):
     between = DepthRange(jnp.asarray(1.0), jnp.asarray(2.0))
-    samples = Samples(jnp.full((2, 1), 0.5), jnp.array([depth]), jnp.ones(1))
+    samples = Samples(
+        jnp.full((2, 1), 0.5), jnp.array([depth]), jnp.ones(1), jnp.ones(1)
+    )
     place = place_in(samples, between, Grid(20, 40, 5))
     assert float(place.layer[0]) == (0.0 if depth < 1.0 else 4.0)
