@@ -1,10 +1,10 @@
 """What rendering costs and how close it comes to references.
 
 Run `python benchmarks/render.py [accuracy|shadows|frames|antialiasing|observe ...]`.
-Ratios are of one run, times medians of 5; compiling is not counted. Scenes are made here,
-and ruby and ponytail of the reference captures stand beside them where these are there.
-Needs OpenGL 4.3; the frame of 1.6 million segments is drawn where OpenGL is not Mesa's
-software.
+Ratios are of one run, times medians of 5; compiling is not counted. Scenes are made
+here, and ruby and ponytail of the reference captures stand beside them where these are
+there. Needs OpenGL 4.3; the frame of 1.6 million segments is drawn where OpenGL is not
+Mesa's software.
 """
 
 import argparse
@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float
 from observe import make_camera, make_view, measure_observe
 from strands import machine
-from table_6_1 import Table61
+from table_6_1 import Table61, Way
 
 from hairfit.render import Camera
 from hairfit.render.gl import Frames, FrameStyle, open_context
@@ -188,7 +188,7 @@ def shadow_speed(context: Any) -> None:
     ours = median_ms(maps.run)
     print("| way | ms | times ours |\n| --- | --- | --- |")
     print(f"| one pass, compute, with look-ups | {ours:.0f} | 1 |", flush=True)
-    ways = {
+    ways: dict[str, Way] = {
         "table 6-1, antialiased lines": "smooth",
         "table 6-1, lines clipped by fragments": "fragment",
         "table 6-1, lines clipped by planes": "planes",

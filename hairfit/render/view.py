@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.spatial import ConvexHull, QhullError
 
 from .camera import Camera
 
@@ -57,9 +58,8 @@ class View(eqx.Module):
 
 def camera_view(camera: Camera) -> View:
     """Return the view of a pinhole camera."""
-    matrix = jnp.zeros((4, 4), camera.K.dtype)
-    matrix = matrix.at[jnp.array([0, 1, 3])].set(camera.K @ camera.cam_from_world[:3])
-    matrix = matrix.at[2].set(camera.cam_from_world[2])
+    seen = camera.K @ camera.cam_from_world[:3]
+    matrix = jnp.concatenate([seen[:2], camera.cam_from_world[2:3], seen[2:]])
     # Pixels need not be square: an area across the ray is what must come out right.
     scale = jnp.sqrt(jnp.abs(camera.K[0, 0] * camera.K[1, 1]))
     return View(matrix, scale, camera.width, camera.height)
@@ -137,6 +137,19 @@ def light_axes(to_light: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
     right = np.cross(away, np.eye(3)[np.argmin(np.abs(away))])
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(away, right), away])
+
+
+def outermost(
+    points: Float[np.ndarray, "points 3"],
+) -> Float[np.ndarray, "some 3"]:
+    """Return those points that are the outermost ones in some direction, or all.
+
+    Few, and any view that holds them holds all.
+    """
+    try:
+        return points[ConvexHull(points).vertices]
+    except (QhullError, ValueError):  # too few, or all in one plane
+        return points
 
 
 def bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

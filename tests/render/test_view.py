@@ -11,6 +11,7 @@ from hairfit.render.view import (
     distant_view,
     lamp_view,
     light_axes,
+    outermost,
     see_all,
 )
 
@@ -94,3 +95,14 @@ def test_lights_that_cannot_be_are_refused():
         lamp_view(np.zeros(3), POINTS, 64)
     with pytest.raises(ValueError, match="at least one point"):
         distant_view(np.ones(3), np.zeros((0, 3)), 64)
+
+
+def test_outermost_points_bound_all_of_them():
+    points = np.random.default_rng(1).normal(size=(2000, 3))
+    few = outermost(points)
+    assert len(few) < 200
+    for way in np.random.default_rng(2).normal(size=(50, 3)):
+        assert (points @ way).max() == (few @ way).max()
+    level = points * [1.0, 0.0, 1.0]
+    np.testing.assert_array_equal(outermost(level), level)
+    np.testing.assert_array_equal(outermost(points[:2]), points[:2])

@@ -12,7 +12,7 @@ from ..phase_table import PhaseTable
 from ..raster import vertex_normals
 from ..scene import MOST_LIGHTS, Background, Light, PointLight, Scene, light_view
 from ..tiles import Tile, background_of, camera_of, halves, tiles
-from ..view import camera_view, see_all
+from ..view import camera_view, outermost, see_all
 from .buffers import Buffers
 from .context import COMPUTE, Kernel, NoContextError, read
 from .pixels import FrameStyle, Pixels, TooManyPiecesError, widest_strips
@@ -65,6 +65,11 @@ class Frames:
         self.solid.set_head(scene.head)
         if scene.head is not None:
             self.set_head()
+        flat = np.asarray(scene.strands, np.float64).reshape(-1, 3)
+        self.hull = self.outside = outermost(flat)
+        if scene.head is not None:
+            both = np.concatenate([self.hull, scene.head.vertices])
+            self.outside = outermost(both)
         self.relight()
 
     def set_table(self, table: PhaseTable | None) -> None:
@@ -109,13 +114,14 @@ class Frames:
             if self.maps is not None:
                 self.maps.release()
             self.maps = ShadowMaps(self.context, scene.shadows)
-        flat = np.asarray(scene.strands, np.float64).reshape(-1, 3)
-        parts = [flat] if scene.head is None else [flat, scene.head.vertices]
-        everything = np.concatenate(parts)
+        # Slices that follow the hair's density need all of it.
+        depths = self.hull
+        if scene.shadows.scheme == "density":
+            depths = np.asarray(scene.strands, np.float64).reshape(-1, 3)
         points = self.buffers["points"]
         for k, light in enumerate(scene.lights):
-            view = light_view(light, everything, scene.shadows.size)
-            self.maps.build(points, self.count, view, see_all(flat, view)[:, 2])
+            view = light_view(light, self.outside, scene.shadows.size)
+            self.maps.build(points, self.count, view, see_all(depths, view)[:, 2])
             depth = self.solid.depth_from(view)
             at = self.buffers["light"], k * self.count
             self.maps.light(points, self.count, *at, depth)
@@ -182,7 +188,7 @@ class Frames:
                 self.buffers,
                 self.count,
                 self.solid,
-                strips=widest_strips(scene.strands, scene.look.width, view),
+                strips=widest_strips(self.hull, scene.look.width, view),
                 width=scene.look.width,
                 alpha=scene.look.alpha,
                 linear=out.ndim == 3,

@@ -4,6 +4,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from ..pieces import strips_needed
 from ..view import View
@@ -156,10 +157,11 @@ class Pixels:
         self.buffers.release()
 
 
-def widest_strips(points: np.ndarray, width: float, view: View) -> int:
+def widest_strips(hull: Float[np.ndarray, "points 3"], width: float, view: View) -> int:
     """Return how many thin lines the nearest hair is drawn as."""
-    if len(points) == 0:
+    low, high = hull.min(0, initial=np.inf), hull.max(0, initial=-np.inf)
+    if (low > high).any():
         return 1
-    flat = points.reshape(-1, 3)
-    corners = np.array(np.meshgrid(*np.stack([flat.min(0), flat.max(0)], 1)))
-    return strips_needed(corners.reshape(3, -1).T[:, None], width, view)
+    # The nearest hair is not nearer than the nearest corner of a box around all.
+    corners = np.array(np.meshgrid(*np.stack([low, high], 1))).reshape(3, -1).T
+    return strips_needed(corners[:, None], width, view)
