@@ -10,9 +10,16 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
-from tyro.conf import Positional, arg, subcommand
+from tyro.conf import OmitArgPrefixes, Positional, arg, subcommand
 
 from .errors import InputError
+from .report.render_options import (
+    BackgroundOptions,
+    CameraOptions,
+    HairOptions,
+    LightOptions,
+    RenderOptions,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,39 +160,57 @@ class Evaluate:
 
 @dataclasses.dataclass(frozen=True)
 class Render:
-    """Draw a hairstyle as a PNG: as a photograph saw it, or from any direction."""
+    """Draw a hairstyle: as photographs saw it, from any direction, or all around.
+
+    OUT is a PNG. Several pictures (`--view all`, `--turntable`) go into a new folder,
+    those of a turntable also into a .gif or, if there is ffmpeg, an .mp4.
+    """
 
     hair: Annotated[Positional[Path], arg(metavar="RESULT_TREE_OR_STRANDS")]
     """A result of `hairfit fit`, a tree (.hairtree), or strands (.hair or .npz)."""
-    out: Annotated[Path, arg(metavar="PNG")]
-    """The picture to write."""
+    out: Annotated[Path, arg(metavar="OUT")]
+    """What to write."""
     capture: Annotated[Path | None, arg(metavar="CAPTURE")] = None
     """The capture whose head is drawn; a result knows its own."""
-    view: Annotated[str | None, arg(metavar="NAME")] = None
-    """Draw it as this photograph of the capture saw it."""
-    azimuth: float = 0.0
-    """Direction to look from, in degrees: 0 is the face, 90 the person's left."""
-    elevation: float = 8.0
-    """Height to look from, in degrees above the horizon."""
-    size: tuple[int, int] = (768, 960)
-    """Width and height of the picture, in pixels; a photograph has its own."""
+    head: Annotated[Path | None, arg(metavar="MESH")] = None
+    """A head to draw, if no capture tells, or another one."""
+    camera: OmitArgPrefixes[CameraOptions] = CameraOptions()
+    style: OmitArgPrefixes[HairOptions] = HairOptions()
+    lights: OmitArgPrefixes[LightOptions] = LightOptions()
+    behind: OmitArgPrefixes[BackgroundOptions] = BackgroundOptions()
+    lines: bool = False
+    """Draw it with pen and ink."""
+    quality: Literal["draft", "normal", "high"] = "normal"
+    """How fine shadows and borders are."""
+    engine: Literal["auto", "gl", "jax"] = "auto"
+    """OpenGL, or JAX where there is none."""
+    quiet: bool = False
+    """Show no progress."""
+    json: bool = False
+    """Print what was written as one line of JSON."""
 
     def run(self) -> None:
-        """Draw, and write the picture."""
-        from .report.drawing import draw
+        """Draw, and write the pictures."""
+        from .report.render_command import render
 
-        at_least_one(min(self.size), "--size")
-        if self.out.suffix.lower() != ".png":
-            raise InputError(f"--out '{self.out}' must end with .png; rename it.")
-        draw(
-            self.hair,
-            self.out,
-            capture=self.capture,
-            view=self.view,
-            degrees=(self.azimuth, self.elevation),
-            size=self.size,
+        start = time.monotonic()
+        options = RenderOptions(
+            self.camera,
+            self.style,
+            self.lights,
+            self.behind,
+            lines=self.lines,
+            quality=self.quality,
+            engine=self.engine,
+            quiet=self.quiet,
         )
-        print(f"wrote '{self.out}'")
+        facts = render(
+            self.hair, self.out, options, capture=self.capture, head=self.head
+        )
+        if self.json:
+            print_json({**facts, "seconds": round(time.monotonic() - start, 1)})
+        else:
+            print(f"wrote '{self.out}'")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -378,7 +403,7 @@ def main(args: Sequence[str] | None = None) -> int:
         prog="hairfit",
         description="From a few photographs to hair that can be edited.",
         args=args,
-        config=(tyro.conf.FlagCreatePairsOff,),
+        config=(tyro.conf.FlagCreatePairsOff, tyro.conf.UseAppendAction),
     )
     try:
         command.run()

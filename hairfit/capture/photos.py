@@ -114,7 +114,7 @@ def srgb_from_linear(value: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."
 
 
 def encode_picture(
-    rgb: UInt8[np.ndarray, "height width 3"],
+    rgb: UInt8[np.ndarray, "height width channels"],
     suffix: str,
     *,
     height: int | None = None,
@@ -123,7 +123,7 @@ def encode_picture(
     """Return a picture (sRGB) as the bytes of a file.
 
     Args:
-        rgb: The picture.
+        rgb: The picture; of a PNG perhaps with alpha, not premultiplied.
         suffix: ".png" or ".jpg".
         height: Reduce the picture to this height if it is higher.
         quality: Of a JPEG, up to 100.
@@ -134,7 +134,8 @@ def encode_picture(
         width = max(1, round(rgb.shape[1] * height / rgb.shape[0]))
         rgb = np.asarray(cv2.resize(rgb, (width, height), interpolation=cv2.INTER_AREA))
     options = [cv2.IMWRITE_JPEG_QUALITY, quality] if suffix == ".jpg" else []
-    written, data = cv2.imencode(suffix, np.ascontiguousarray(rgb[..., ::-1]), options)
+    order = [2, 1, 0, 3][: rgb.shape[2]]
+    written, data = cv2.imencode(suffix, np.ascontiguousarray(rgb[..., order]), options)
     if not written:
         raise ValueError(f"OpenCV cannot write '{suffix}'.")
     return data.tobytes()

@@ -1,13 +1,24 @@
-"""Colours of hair, by name or by what pigments it holds."""
+"""Colours of hair: by name, by what pigments it holds, or as an artist picks them."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from .chiang import HairFibre, chiang, hair_fibre
+from .phase import PhaseAngles
 from .phase_table import phase_table, scattered_back
 from .scene import Colour, HairLook
+
+Scattering = Callable[[PhaseAngles, HairFibre], Float[Array, " 3"]]
+# Of the azimuthal lobes of hair in pictures.
+AZIMUTHAL = 0.35
+# An artist's black and white: no pigment makes hair that sends back nothing.
+DARKEST, BRIGHTEST = 0.002, 0.999
 
 
 class Pigment(NamedTuple):
@@ -42,12 +53,37 @@ def colour_of(fibre: HairFibre) -> Colour:
     Args:
         fibre: One fibre.
     """
-    beta = float(fibre.azimuthal)
+    root = np.sqrt(np.asarray(fibre.absorption, np.float64))
+    red, green, blue = np.exp(-root * darkening(float(fibre.azimuthal)))
+    return float(red), float(green), float(blue)
+
+
+def fibre_of_colour(colour: Colour, azimuthal: float = AZIMUTHAL) -> HairFibre:
+    r"""Return a fibre of which much hair has a colour, the inverse of `colour_of`.
+
+    $\sigma_a = (\ln C / p(\beta_N))^2$ [Chiang et al. 2016, equation (9)].
+
+    Args:
+        colour: The colour, linear RGB.
+        azimuthal: Azimuthal roughness of the fibre.
+    """
+    shade = np.clip(np.asarray(colour, np.float64), DARKEST, BRIGHTEST)
+    absorption = (np.log(shade) / darkening(azimuthal)) ** 2
+    fibre = hair_fibre(azimuthal=azimuthal)
+    return eqx.tree_at(lambda f: f.absorption, fibre, jnp.asarray(absorption))
+
+
+def fibre_of_pigment(pigment: Pigment, azimuthal: float = AZIMUTHAL) -> HairFibre:
+    """Return a fibre that holds so much of both melanins."""
+    return hair_fibre(*pigment, azimuthal=azimuthal)
+
+
+def darkening(beta: float) -> float:
+    r"""Return $p(\beta_N)$ of equation (9): how much absorption darkens much hair."""
     fit = np.polynomial.polynomial.polyval(
         beta, [5.969, -0.215, 2.532, -10.73, 5.574, 0.245]
     )
-    red, green, blue = np.exp(-np.sqrt(np.asarray(fibre.absorption)) * fit)
-    return float(red), float(green), float(blue)
+    return float(fit)
 
 
 def plain_look(colour: Colour, **more) -> HairLook:
@@ -56,19 +92,25 @@ def plain_look(colour: Colour, **more) -> HairLook:
 
 
 def chiang_look(pigment: Pigment, *, steps: int = 64, **more) -> HairLook:
-    """Return hair as its fibres scatter light: the model of Chiang et al. 2016.
+    """Return hair as its fibres scatter light by the model of Chiang et al. 2016."""
+    return fibre_look(fibre_of_pigment(pigment), chiang, steps=steps, **more)
+
+
+def fibre_look(
+    fibre: HairFibre, model: Scattering = chiang, *, steps: int = 64, **more
+) -> HairLook:
+    """Return hair as its fibres scatter light.
 
     Light goes on through hair, so that shadows are coloured, and comes back from hair
     around; the latter is taken to be even.
 
     Args:
-        pigment: What the fibres hold.
+        fibre: One fibre.
+        model: Its scattering function: `chiang`, or `marschner`.
         steps: Of the table of the scattering function, see `phase_table`.
         more: Other fields of the look.
     """
-    fibre = hair_fibre(pigment.eumelanin, pigment.pheomelanin, azimuthal=0.35)
-    phase = jax.jit(lambda angles: chiang(angles, fibre))
-    table = phase_table(phase, steps, steps)
+    table = phase_table(jax.jit(lambda angles: model(angles, fibre)), steps, steps)
     back = scattered_back(table)
     red, green, blue = (float(x) for x in np.minimum(table.forward, 0.95))
     return HairLook(

@@ -1,0 +1,265 @@
+"""Light on a scene's hair and head, by JAX: what `render.gl` does with shaders."""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.ndimage import map_coordinates
+from jaxtyping import Array, Bool, Float
+
+from ..types import Mesh
+from .lights import PointLight, knot_tangents, unit
+from .opacity_volume import OpacityConfig, opacity_volume
+from .phase import PhaseAngles, phase_angles
+from .raster import vertex_normals
+from .scene import HairLook, Light, Scene, light_view
+from .shading import Fibre, kajiya_kay
+from .shadow_style import ShadowStyle
+from .strand_samples import samples_needed
+from .view import View
+
+# Slabs that do what layers of their own depth in every texel do, and the largest map
+# that is not too slow.
+SLABS, LARGEST = 64, 512
+# Vertices of a head look for light so far outside of it, in metres.
+OUTSIDE = 0.002
+
+
+class Arrived(NamedTuple):
+    """Light at places, through hair and past the head.
+
+    Attributes:
+        to_light: Unit vectors towards each light.
+        radiance: What arrives of it, linear RGB.
+    """
+
+    to_light: Float[Array, "lights places 3"]
+    radiance: Float[Array, "lights places 3"]
+
+
+def number() -> np.dtype:
+    """Return the type of floating point that JAX computes with."""
+    return jnp.zeros(()).dtype
+
+
+def light_at(
+    places: Float[np.ndarray, "places 3"],
+    scene: Scene,
+    lights: tuple[Light, ...],
+) -> Arrived:
+    """Return the light at places of a scene.
+
+    Args:
+        places: Where, in metres.
+        scene: Hair and head that cast shadows; its own lights do not count.
+        lights: The lights.
+    """
+    at = jnp.asarray(places, number())
+    ways, found = [], []
+    for light in lights:
+        arriving = jax.vmap(light.arriving)(at)
+        share = jnp.ones_like(at)
+        if scene.shadows is not None:
+            share = shares(at, light, scene, scene.shadows)
+            if scene.head is not None:
+                free = lit_past(scene.head, places, light, scene.shadows.bias)
+                share = share * jnp.asarray(free, number())[:, None]
+        ways.append(arriving.to_light)
+        found.append(arriving.radiance * share)
+    none = jnp.zeros((0, len(places), 3), number())
+    return Arrived(*(jnp.stack(x) if x else none for x in (ways, found)))
+
+
+def shares(
+    at: Float[Array, "places 3"], light: Light, scene: Scene, style: ShadowStyle
+) -> Float[Array, "places 3"]:
+    """Return the share of a light that hair lets through to places, in RGB."""
+    look = scene.look
+    if scene.strands.size == 0:
+        return jnp.ones_like(at)
+    points = np.asarray(scene.strands, number())
+    size = min(style.size, LARGEST)
+    view = light_view(light, points.reshape(-1, 3).astype(np.float64), size)
+    view = jax.tree.map(lambda x: jnp.asarray(x, number()), view)
+    slabs = SLABS if style.scheme == "adaptive" else max(style.slices, 2)
+    config = OpacityConfig(slabs, rounded_up(samples_needed(jnp.asarray(points), view)))
+    width = jnp.asarray(look.width, number())
+    opacity = opacity_at(jnp.asarray(points), width, view, at, config)
+    kappa = style.kappa * look.alpha * (1.0 - np.asarray(look.forward))
+    return jnp.exp(-jnp.asarray(kappa[None], number()) * opacity[:, None])
+
+
+@partial(jax.jit, static_argnames="config")
+def opacity_at(
+    points: Float[Array, "strands knots 3"],
+    width: Float[Array, ""],
+    view: View,
+    places: Float[Array, "places 3"],
+    config: OpacityConfig,
+) -> Float[Array, " places"]:
+    """Return the opacity of hair between a light and places."""
+    return opacity_volume(points, width, view, config=config).at(places)
+
+
+def rounded_up(count: int) -> int:
+    """Return a number of samples that is at least `count`, one of few."""
+    power = 1 << (count - 1).bit_length()
+    return 3 * power // 4 if power >= 4 and count <= 3 * power // 4 else power
+
+
+def lit_past(
+    head: Mesh, places: Float[np.ndarray, "places 3"], light: Light, bias: float
+) -> Bool[np.ndarray, " places"]:
+    """Return which places a head does not hide from a light.
+
+    Args:
+        head: The head.
+        places: Where, in metres.
+        light: The light.
+        bias: How deep under the skin it is still light, in metres.
+    """
+    import trimesh
+
+    if isinstance(light, PointLight):
+        way = np.asarray(light.position, np.float64) - places
+    else:
+        way = np.broadcast_to(np.asarray(light.to_light, np.float64), places.shape)
+    distance = np.linalg.norm(way, axis=1)
+    towards = way / np.maximum(distance, 1e-12)[:, None]
+    start = places + bias * towards
+    surface = trimesh.Trimesh(head.vertices, head.faces, process=False)
+    face = surface.ray.intersects_first(start, towards)
+    hidden = face >= 0
+    if isinstance(light, PointLight):
+        corner = np.asarray(head.vertices, np.float64)[head.faces[face]]
+        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        along = np.einsum("ij,ij->i", towards, normal)
+        step = np.einsum("ij,ij->i", corner[:, 0] - start, normal)
+        hidden &= step / np.where(along == 0.0, np.inf, along) < distance - bias
+    return ~hidden
+
+
+def hair_radiance(
+    scene: Scene, arrived: Arrived, eye: Float[np.ndarray, " 3"]
+) -> Float[Array, "strands knots 3"]:
+    """Return the light that each knot of hair sends to the eye, linear RGB.
+
+    Args:
+        scene: The hair and its look.
+        arrived: The light at all knots, strand by strand.
+        eye: Where the eye is, in metres.
+    """
+    look, points = scene.look, jnp.asarray(scene.strands, number())
+    tangent = knot_tangents(points).reshape(-1, 3)
+    tints = np.repeat(scene.tints, points.shape[1], axis=0)
+    own, bright = (
+        jnp.asarray(tints[:, :3], number()),
+        jnp.asarray(tints[:, 3], number()),
+    )
+    to_eye = jax.vmap(unit)(jnp.asarray(eye[None], number()) - points.reshape(-1, 3))
+    total = look.ambient * own * jnp.asarray([scene.sky], number())
+    for way, radiance in zip(arrived.to_light, arrived.radiance, strict=True):
+        if look.table is None:
+            sent = highlit(tangent, way, to_eye, own, plain(look))
+        else:
+            sent = look.diffuse * own * across(tangent, way)
+            values = jnp.asarray(look.table.values, number())
+            sent = sent + bright[:, None] * tabled(values, tangent, way, to_eye)
+        total = total + sent * radiance
+    return total.reshape(points.shape)
+
+
+class PlainLook(NamedTuple):
+    """Kajiya's and Kay's part of a look."""
+
+    diffuse: float
+    specular: tuple[float, float, float]
+    coloured: float
+    shininess: float
+
+
+def plain(look: HairLook) -> PlainLook:
+    """Return Kajiya's and Kay's part of a look."""
+    return PlainLook(look.diffuse, look.specular, look.coloured, look.shininess)
+
+
+@partial(jax.jit, static_argnames="look")
+def highlit(
+    tangent: Float[Array, "knots 3"],
+    to_light: Float[Array, "knots 3"],
+    to_eye: Float[Array, "knots 3"],
+    own: Float[Array, "knots 3"],
+    look: PlainLook,
+) -> Float[Array, "knots 3"]:
+    """Return what knots of their own colours send of a light of 1."""
+    kind = own.dtype
+    specular = jnp.asarray(look.specular, kind)
+
+    def one(t, light, eye, colour):
+        shine = specular * (1.0 - look.coloured + look.coloured * colour)
+        power = jnp.asarray(look.shininess, kind)
+        fibre = Fibre(jnp.zeros(3, kind), look.diffuse * colour, shine, power)
+        return kajiya_kay(t, light, eye, fibre)
+
+    return jax.vmap(one)(tangent, to_light, to_eye, own)
+
+
+def across(
+    tangent: Float[Array, "knots 3"], way: Float[Array, "knots 3"]
+) -> Float[Array, "knots 1"]:
+    """Return the sines of the angles between strands and light."""
+    along = jnp.sum(tangent * way, axis=1, keepdims=True)
+    return jnp.sqrt(jnp.maximum(1.0 - along**2, 0.0))
+
+
+@jax.jit
+def tabled(
+    values: Float[Array, "eyes lights azimuths 3"],
+    tangent: Float[Array, "knots 3"],
+    to_light: Float[Array, "knots 3"],
+    to_eye: Float[Array, "knots 3"],
+) -> Float[Array, "knots 3"]:
+    """Return what a `PhaseTable` says for knots, linear between its entries."""
+    angles: PhaseAngles = jax.vmap(phase_angles)(tangent, to_light, to_eye)
+    eyes, lights, azimuths, _ = values.shape
+    place = [
+        (angles.theta_eye / jnp.pi + 0.5) * eyes - 0.5,
+        (angles.theta / jnp.pi + 0.5) * lights - 0.5,
+        jnp.abs(angles.phi) / jnp.pi * azimuths - 0.5,
+    ]
+    shine = [
+        map_coordinates(values[..., c], place, order=1, mode="nearest")
+        for c in range(3)
+    ]
+    return jnp.stack(shine, -1)
+
+
+def head_radiance(
+    scene: Scene, arrived: Arrived, eye: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, "vertices 3"]:
+    """Return the light that each vertex of the head, a matt surface, sends to the eye.
+
+    Args:
+        scene: The head and its skin.
+        arrived: The light at `head_places`.
+        eye: Where the eye is, in metres.
+    """
+    assert scene.head is not None
+    normal = vertex_normals(scene.head)
+    places = head_places(scene.head)
+    # Meshes of artists have faces that are turned inside out.
+    away = np.einsum("ij,ij->i", normal, eye - places) < 0.0
+    normal[away] *= -1.0
+    total = np.asarray(scene.sky) * (0.75 + 0.25 * normal[:, 1:2])
+    ways, radiance = (np.asarray(x, np.float64) for x in arrived)
+    for way, light in zip(ways, radiance, strict=True):
+        facing = np.maximum(np.einsum("ij,ij->i", normal, way), 0.0)
+        total = total + facing[:, None] * light
+    return np.asarray(scene.skin) * total
+
+
+def head_places(head: Mesh) -> Float[np.ndarray, "vertices 3"]:
+    """Return where a head looks for light: a little outside, in metres."""
+    return np.asarray(head.vertices, np.float64) + OUTSIDE * vertex_normals(head)
