@@ -14,6 +14,7 @@ PICTURES = EXAMPLES.parent / "docs" / "pictures"
 NAMES = sorted(p.stem for p in EXAMPLES.glob("*.py") if p.stem != "sheet")
 # What `main` is called with, so that an example takes seconds.
 SMALL = {
+    "antialiasing": "strands=800",
     "braid": "strands=300",
     "combing": "strands=400",
     "editing": "strands=400",

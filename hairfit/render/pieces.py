@@ -112,9 +112,13 @@ def hair_pieces(
 def strips_needed(
     points: Float[np.ndarray, "strands knots 3"], width: float, view: View
 ) -> int:
-    """Return how many strips a hair needs so that none is wider than half a pixel."""
+    """Return how many strips a hair needs: one up to half a pixel, else four a pixel.
+
+    A thin line is in one pixel or another, and so are strips: those of a quarter of a
+    pixel show how a wide hair lies between them.
+    """
     widest = width * float(see_all(points, view)[..., 3].max(initial=0.0))
-    return max(1, int(np.ceil(2.0 * widest)))
+    return 1 if widest <= 0.5 else int(np.ceil(4.0 * widest))
 
 
 def picture_lines(

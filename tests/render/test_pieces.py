@@ -144,7 +144,7 @@ def test_strips_fill_an_upright_rectangle():
     expected = np.zeros((8, 8))
     expected[1:6, 2:5] = [0.75, 1.0, 0.25]
     np.testing.assert_allclose(picture, expected, atol=1e-12)
-    assert strips_needed(points, 0.02, view) == 4
+    assert strips_needed(points, 0.02, view) == 8
     assert strips_needed(points, 0.001, view) == 1
     assert set(hair_pieces(points, 0.02, view, 4).segment) == {0}
 
