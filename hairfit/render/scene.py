@@ -78,6 +78,8 @@ class Scene:
             faces it sends to the eye.
         sky: Light from all sides.
         shadows: How shadows are made; None for none.
+        cover: A surface that all hair lies within, as the tubes of a tree's clusters:
+            adaptive shadows then need not look for the first and last hair.
         background: What is behind.
 
     Raises:
@@ -92,6 +94,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     sky: Colour = (0.3, 0.3, 0.3)
     shadows: ShadowStyle | None = ShadowStyle()
+    cover: Mesh | None = None
     background: Background = Background()
 
     def __post_init__(self):

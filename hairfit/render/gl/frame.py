@@ -15,6 +15,7 @@ from ..tiles import Tile, background_of, camera_of, halves, tiles
 from ..view import camera_view, outermost, see_all
 from .buffers import Buffers
 from .context import COMPUTE, Kernel, NoContextError, read
+from .cover import Cover
 from .pixels import FrameStyle, Pixels, TooManyPiecesError, widest_strips
 from .shadows import ShadowMaps
 from .solid import Solid
@@ -47,6 +48,7 @@ class Frames:
         self.pixels = Pixels(context, style)
         self.maps: ShadowMaps | None = None
         self.table: Any = None
+        self.cover: Cover | None = None
         self.set_scene(scene)
 
     def set_scene(self, scene: Scene) -> None:
@@ -62,6 +64,7 @@ class Frames:
         self.buffers.write("tint", tints)
         self.buffers.reserve("colour", 16 * self.count)
         self.set_table(scene.look.table)
+        self.set_cover()
         self.solid.set_head(scene.head)
         if scene.head is not None:
             self.set_head()
@@ -80,6 +83,15 @@ class Frames:
         size = values.shape[2::-1]
         self.table = self.context.texture3d(size, 3, values.tobytes(), dtype="f4")
         self.table.repeat_x = self.table.repeat_y = self.table.repeat_z = False
+
+    def set_cover(self) -> None:
+        """Take the surface that hair lies within, where shadows are adaptive."""
+        if self.cover is not None:
+            self.cover.release()
+        self.cover = None
+        style, surface = self.scene.shadows, self.scene.cover
+        if surface is not None and style is not None and style.scheme == "adaptive":
+            self.cover = Cover(self.context, surface)
 
     def set_lights(self, lights: tuple[Light, ...]) -> None:
         """Take other lights; the rest of the scene stays."""
@@ -121,7 +133,9 @@ class Frames:
         points = self.buffers["points"]
         for k, light in enumerate(scene.lights):
             view = light_view(light, self.outside, scene.shadows.size)
-            self.maps.build(points, self.count, view, see_all(depths, view)[:, 2])
+            known = None if self.cover is None else self.cover.range(view)
+            depth = see_all(depths, view)[:, 2]
+            self.maps.build(points, self.count, view, depth, known)
             depth = self.solid.depth_from(view)
             at = self.buffers["light"], k * self.count
             self.maps.light(points, self.count, *at, depth)
@@ -256,7 +270,7 @@ class Frames:
 
     def release(self) -> None:
         """Give all memory back."""
-        parts = self.buffers, self.solid, self.pixels, self.maps, self.table
+        parts = self.buffers, self.solid, self.pixels, self.maps, self.table, self.cover
         for part in parts:
             if part is not None:
                 part.release()

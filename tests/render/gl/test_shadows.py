@@ -1,15 +1,23 @@
 """Opacity shadow maps by compute shaders, against the float64 reference."""
 
+import dataclasses
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
+import trimesh
 
 from hairfit.render.gl.context import read
+from hairfit.render.gl.cover import Cover
+from hairfit.render.gl.frame import Frames
 from hairfit.render.gl.shadows import ShadowMaps
 from hairfit.render.gl.solid import Solid
+from hairfit.render.lights import DistantLight
 from hairfit.render.opacity_layers import Range, hair_range, layered_maps
 from hairfit.render.opacity_lookup import opacity_at
 from hairfit.render.opacity_maps import opacity_maps
 from hairfit.render.pieces import hair_pieces
+from hairfit.render.scene import HairLook, Scene
 from hairfit.render.shadow_style import ShadowStyle
 from hairfit.render.view import distant_view, lamp_view, see_all
 from hairfit.types import Mesh
@@ -142,3 +150,38 @@ def test_a_head_hides_the_light_from_what_lies_behind_it(context):
 def test_styles_without_maps_are_refused():
     with pytest.raises(ValueError, match="at least 8 texels a side, 1 slice"):
         ShadowStyle(slices=0)
+
+
+def test_a_surface_around_hair_says_where_it_can_be(context):
+    ball = trimesh.creation.icosphere(4, 0.1)
+    surface = Mesh(np.asarray(ball.vertices), np.asarray(ball.faces))
+    cover = Cover(context, surface)
+    view = distant_view(np.array([0.0, 0.0, 1.0]), surface.vertices, 64)
+    near, far = cover.range(view)
+    cover.release()
+    scale = float(view.pixels_per_metre)
+    place = (np.arange(64) + 0.5 - 32.0) / scale
+    square = 0.1**2 - place[:, None] ** 2 - place[None] ** 2
+    inside, outside = square > 3e-4, square < -3e-4
+    half = np.sqrt(np.maximum(square, 0.0))
+    # Depth runs away from the light, which is at +z.
+    np.testing.assert_allclose(near[inside], -half[inside], atol=1e-3)
+    np.testing.assert_allclose(far[inside], half[inside], atol=1e-3)
+    assert (near[outside] == np.inf).all() and (far[outside] == -np.inf).all()
+
+
+def test_frames_take_the_range_of_a_cover(context, bob):
+    light = DistantLight(jnp.asarray(TO_LIGHT), jnp.ones(3))
+    style = ShadowStyle(size=64, slices=16, scheme="adaptive")
+    centre = bob.reshape(-1, 3).mean(0)
+    ball = trimesh.creation.icosphere(3, 0.3)
+    ball.apply_translation(centre)
+    cover = Mesh(np.asarray(ball.vertices), np.asarray(ball.faces))
+    scene = Scene(bob, look=HairLook(width=WIDTH), lights=(light,), shadows=style)
+    found = []
+    for one in (None, cover):
+        frames = Frames(context, dataclasses.replace(scene, cover=one))
+        found.append(read(frames.buffers["light"], np.float32, (bob.size // 3, 2)))
+        frames.release()
+    light = np.exp(-np.stack(found)[..., 0])
+    assert 0.0 < np.sqrt(((light[0] - light[1]) ** 2).mean()) < 0.1
