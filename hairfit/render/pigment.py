@@ -15,6 +15,17 @@ from .phase_table import phase_table, scattered_back
 from .scene import Colour, HairLook
 
 Scattering = Callable[[PhaseAngles, HairFibre], Float[Array, " 3"]]
+# What hair of these names looks like, linear RGB. Melanin alone makes neither ginger nor
+# grey hair: little of it is blonde.
+SHADES: dict[str, Colour] = {
+    "black": (0.018, 0.015, 0.013),
+    "brown": (0.24, 0.110, 0.048),
+    "blonde": (0.52, 0.34, 0.15),
+    "red": (0.34, 0.085, 0.026),
+    "grey": (0.30, 0.29, 0.28),
+    "white": (0.68, 0.67, 0.64),
+}
+BY_MELANIN = ("black", "brown", "blonde")
 # Of the azimuthal lobes of hair in pictures.
 AZIMUTHAL = 0.35
 # An artist's black and white: no pigment makes hair that sends back nothing.
@@ -76,6 +87,13 @@ def fibre_of_colour(colour: Colour, azimuthal: float = AZIMUTHAL) -> HairFibre:
 def fibre_of_pigment(pigment: Pigment, azimuthal: float = AZIMUTHAL) -> HairFibre:
     """Return a fibre that holds so much of both melanins."""
     return hair_fibre(*pigment, azimuthal=azimuthal)
+
+
+def fibre_of_name(name: str) -> HairFibre:
+    """Return a fibre of hair of one of the names in `SHADES`."""
+    if name in BY_MELANIN:
+        return fibre_of_pigment(PIGMENTS[name])
+    return fibre_of_colour(SHADES[name])
 
 
 def darkening(beta: float) -> float:

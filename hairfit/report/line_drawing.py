@@ -2,7 +2,12 @@
 
 import numpy as np
 from jaxtyping import Float, UInt8
-from scipy.ndimage import binary_closing, gaussian_filter
+from scipy.ndimage import (
+    binary_closing,
+    gaussian_filter,
+    maximum_filter,
+    minimum_filter,
+)
 
 from ..capture.photos import srgb_from_linear
 from ..render.camera import Camera
@@ -44,7 +49,8 @@ def line_drawing(
     times = int(np.clip(np.sqrt(MOST_SAMPLES / (size[0] * size[1])), 1, 3))
     ink = ink_of(strokes, size, pen, times)
     hair = smooth(drawn.coverage, pen)
-    ink = np.maximum(ink, outline(hair, 0.55 * pen))
+    line = outline(hair, 0.55 * pen) * overhang(np.minimum(drawn.depth, skin), pen)
+    ink = np.maximum(ink, line)
     bare = np.clip(2.0 - 4.0 * hair, 0.0, 1.0)
     ink = np.maximum(ink, bare * head_lines(skin, pen))
     return on_paper(ink, scene, paper)
@@ -120,6 +126,24 @@ def outline(
     shadow = (-down - right) / np.maximum(slope, 1e-9) / np.sqrt(2.0)
     reach = 0.5 * width * (1.0 + 0.5 * shadow)
     return np.where(slope > 1e-4, np.clip(reach + 0.5 - distance, 0.0, 1.0), 0.0)
+
+
+def overhang(
+    depth: Float[np.ndarray, "height width"], pen: float
+) -> Float[np.ndarray, "height width"]:
+    """Return where something is before something else, from 0 to 1.
+
+    A border of hair is a line there, but not where hair grows out of the head.
+
+    Args:
+        depth: What is seen, in metres, infinite for nothing.
+        pen: Width of the pen, in pixels.
+    """
+    solid = np.isfinite(depth)
+    filled = np.where(solid, depth, depth[solid].max(initial=1.0) + 1.0)
+    size = 2 * max(round(2.0 * pen), 1) + 1
+    spread = maximum_filter(filled, size) - minimum_filter(filled, size)
+    return np.clip(gaussian_filter(2.0 * (spread > 2.5 * BORDER) - 0.5, pen), 0.0, 1.0)
 
 
 def head_lines(

@@ -4,7 +4,6 @@ import dataclasses
 from pathlib import Path
 from typing import Literal
 
-ColourName = Literal["black", "brown", "blonde", "red", "grey", "white"]
 Shading = Literal["kajiya-kay", "marschner", "chiang"]
 Quality = Literal["draft", "normal", "high"]
 EngineName = Literal["auto", "gl", "jax"]

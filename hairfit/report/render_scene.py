@@ -17,11 +17,12 @@ from ..render.lights import DistantLight
 from ..render.marschner import marschner
 from ..render.picture import PictureStyle
 from ..render.pigment import (
-    PIGMENTS,
+    SHADES,
     Pigment,
     colour_of,
     fibre_look,
     fibre_of_colour,
+    fibre_of_name,
     fibre_of_pigment,
     plain_look,
 )
@@ -61,7 +62,7 @@ def check_options(options: RenderOptions) -> None:
     if hair.colour is not None:
         if hair.melanin is not None:
             raise InputError("--colour and --melanin exclude each other; give one.")
-        hair_colour(hair.colour)
+        plain_colour(hair.colour)
     if hair.melanin is not None and not all(0.0 <= x < 100.0 for x in hair.melanin):
         raise InputError(
             f"--melanin must be two numbers from 0 to 100, not {hair.melanin[0]:g} and "
@@ -153,12 +154,10 @@ def hair_look(hair: HairOptions, count: int) -> HairLook:
     if hair.shading != "kajiya-kay":
         model = {"chiang": chiang, "marschner": marschner}[hair.shading]
         return fibre_look(fibre_of(hair), model, width=width, alpha=hair.alpha)
-    if hair.colour is None and hair.melanin is None:
-        return HairLook(width=width, alpha=hair.alpha)
-    if hair.colour is None or hair.colour in PIGMENTS:
+    if hair.melanin is not None:
         colour = colour_of(fibre_of(hair))
     else:
-        colour = parse_colour(hair.colour, "--colour")
+        colour = plain_colour(hair.colour or "brown")
     return plain_look(colour, width=width, alpha=hair.alpha)
 
 
@@ -166,15 +165,15 @@ def fibre_of(hair: HairOptions) -> HairFibre:
     """Return the fibre that hair is made of, brown if nothing else is said."""
     if hair.melanin is not None:
         return fibre_of_pigment(Pigment(*hair.melanin))
-    found = hair_colour(hair.colour or "brown")
-    if isinstance(found, Pigment):
-        return fibre_of_pigment(found)
-    return fibre_of_colour(found)
+    name = hair.colour or "brown"
+    return (
+        fibre_of_name(name) if name in SHADES else fibre_of_colour(plain_colour(name))
+    )
 
 
-def hair_colour(text: str) -> Pigment | Colour:
-    """Return what a colour's name stands for, or the colour as linear RGB."""
-    return PIGMENTS[text] if text in PIGMENTS else parse_colour(text, "--colour")
+def plain_colour(text: str) -> Colour:
+    """Return the linear RGB of hair of a name, or of a colour."""
+    return SHADES[text] if text in SHADES else parse_colour(text, "--colour")
 
 
 def parse_colour(text: str, option: str) -> Colour:
@@ -184,7 +183,7 @@ def parse_colour(text: str, option: str) -> Colour:
         InputError: If it is none.
     """
     if not re.fullmatch(r"#?[0-9a-fA-F]{6}", text):
-        names = f"{', '.join(PIGMENTS)}, or " if option == "--colour" else ""
+        names = f"{', '.join(SHADES)}, or " if option == "--colour" else ""
         raise InputError(
             f"{option} '{text}' is no colour; give {names}six hexadecimal digits as "
             "'#7a4a2b'."

@@ -14,7 +14,9 @@ CELLS = 420
 DARK_GAP, LIGHT_GAP = 1.3, 7.5
 # Steps along strokes, and the shortest stroke, in cells; holes in what is seen of a
 # strand up to so many steps do not end its stroke.
-STEP, SHORTEST, HOLE = 0.8, 14.0, 5
+STEP, SHORTEST, HOLE = 0.8, 18.0, 6
+# Shorter strokes than this are thinner, in cells.
+LONG = 90.0
 # Strands that are tried at most, and points of a strand.
 MOST_TRIED, MOST_STEPS = 6000, 900
 # How far into hair strokes are drawn, in metres.
@@ -104,20 +106,21 @@ def runs(free: Bool[np.ndarray, " steps"], least: int) -> list[tuple[int, int]]:
     if len(steps) == 0:
         return []
     breaks = np.flatnonzero(np.diff(steps) > HOLE)
-    firsts = steps[np.append(0, breaks + 1)]
-    lasts = steps[np.append(breaks, len(steps) - 1)] + 1
+    firsts = steps[np.append(0, breaks + 1)].tolist()
+    lasts = (steps[np.append(breaks, len(steps) - 1)] + 1).tolist()
     return [(a, b) for a, b in zip(firsts, lasts, strict=True) if b - a >= least]
 
 
 def tapered(light: Float[np.ndarray, " points"]) -> Float[np.ndarray, " points"]:
-    """Return the width of a stroke: thin at its ends, and in the light."""
+    """Return the width of a stroke: thin at its ends, in the light, and if short."""
     share = (np.arange(len(light)) + 0.5) / len(light)
     # Pens land faster than they lift.
     profile = np.minimum(np.sqrt(share / 0.2), ((1.0 - share) / 0.55) ** 0.8)
     # A stroke has inertia: its width does not follow every shimmer of light.
     size = max(len(light) // 8, 1)
     even = np.convolve(np.pad(light, size, mode="edge"), np.ones(size) / size, "same")
-    return np.minimum(profile, 1.0) * (1.15 - 0.85 * even[size:-size])
+    weight = min(len(light) * STEP / LONG, 1.0) ** 0.5
+    return weight * np.minimum(profile, 1.0) * (1.25 - 0.95 * even[size:-size])
 
 
 def stamp(
