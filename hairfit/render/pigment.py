@@ -15,7 +15,7 @@ from .phase_table import phase_table, scattered_back
 from .scene import Colour, HairLook
 
 Scattering = Callable[[PhaseAngles, HairFibre], Float[Array, " 3"]]
-# What hair of these names looks like, linear RGB. Melanin alone makes neither ginger nor
+# What hair of these names looks like, linear RGB. Melanin alone makes no ginger and no
 # grey hair: little of it is blonde.
 SHADES: dict[str, Colour] = {
     "black": (0.018, 0.015, 0.013),
@@ -26,6 +26,9 @@ SHADES: dict[str, Colour] = {
     "white": (0.68, 0.67, 0.64),
 }
 BY_MELANIN = ("black", "brown", "blonde")
+# A fibre's colour beside it: in light from several sides hair is brighter than a matt
+# surface of its colour.
+OF_FIBRE = 0.4
 # Of the azimuthal lobes of hair in pictures.
 AZIMUTHAL = 0.35
 # An artist's black and white: no pigment makes hair that sends back nothing.
@@ -93,7 +96,8 @@ def fibre_of_name(name: str) -> HairFibre:
     """Return a fibre of hair of one of the names in `SHADES`."""
     if name in BY_MELANIN:
         return fibre_of_pigment(PIGMENTS[name])
-    return fibre_of_colour(SHADES[name])
+    red, green, blue = SHADES[name]
+    return fibre_of_colour((OF_FIBRE * red, OF_FIBRE * green, OF_FIBRE * blue))
 
 
 def darkening(beta: float) -> float:

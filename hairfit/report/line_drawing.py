@@ -12,12 +12,15 @@ from scipy.ndimage import (
 from ..capture.photos import srgb_from_linear
 from ..render.camera import Camera
 from ..render.lit import hair_radiance, light_at
+from ..render.picture import finer
 from ..render.raster import mesh_depth, rasterise
 from ..render.scene import Colour, Scene
 from .strokes import Paper, ink_of, place_strokes
 
-# Width of the pen as a share of the picture's short side.
-PEN = 0.0032
+# Width of the pen as a share of the picture's short side, and its least, in pixels.
+PEN, THINNEST = 0.0032, 1.8
+# Smaller pictures than this along their short side are drawn larger, and averaged.
+SHORT_SIDE = 800
 # The paper's samples in all: large pictures have fewer a pixel.
 MOST_SAMPLES = 40_000_000
 INK = 0.07
@@ -37,23 +40,39 @@ def line_drawing(
         camera: Where it is seen from.
         paper: Colour of the paper; white by default.
     """
+    size = camera.width, camera.height
+    times = int(np.clip(np.ceil(SHORT_SIDE / min(size)), 1, 4))
+    pen = times * max(PEN * min(size), THINNEST)
+    ink = drawn_ink(scene, finer(camera, times), pen)
+    ink = ink.reshape(size[1], times, size[0], times).mean((1, 3))
+    return on_paper(ink, scene, paper)
+
+
+def drawn_ink(
+    scene: Scene, camera: Camera, pen: float
+) -> Float[np.ndarray, "height width"]:
+    """Return how much ink a drawing has in each pixel, from 0 to 1.
+
+    Args:
+        scene: Hair, head and lights.
+        camera: Where it is seen from.
+        pen: Width of the pen, in pixels.
+    """
     points = np.asarray(scene.strands, np.float64)
     size = camera.width, camera.height
-    pen = PEN * min(size)
     skin = np.full(size[::-1], np.inf)
     if scene.head is not None:
         skin = mesh_depth(scene.head, camera)
     drawn = rasterise(points, camera, mesh_depth=skin, radius_px=0.5 * pen)
     shade = shades(scene, camera, drawn.strand, drawn.segment)
-    strokes = place_strokes(points, Paper(camera, np.minimum(drawn.depth, skin), shade))
+    front = np.minimum(drawn.depth, skin)
+    strokes = place_strokes(points, Paper(camera, front, shade))
     times = int(np.clip(np.sqrt(MOST_SAMPLES / (size[0] * size[1])), 1, 3))
     ink = ink_of(strokes, size, pen, times)
     hair = smooth(drawn.coverage, pen)
-    line = outline(hair, 0.55 * pen) * overhang(np.minimum(drawn.depth, skin), pen)
-    ink = np.maximum(ink, line)
+    ink = np.maximum(ink, outline(hair, 0.55 * pen) * overhang(front, pen))
     bare = np.clip(2.0 - 4.0 * hair, 0.0, 1.0)
-    ink = np.maximum(ink, bare * head_lines(skin, pen))
-    return on_paper(ink, scene, paper)
+    return np.maximum(ink, bare * head_lines(skin, pen))
 
 
 def on_paper(
