@@ -70,7 +70,7 @@ def layered_maps(
     *,
     near_far: Range | None = None,
     offsets: Float[np.ndarray, " layers"] | None = None,
-    gamma: float = 2.0,
+    gamma: float = 1.0,
 ) -> LayeredMaps:
     """Return opacity in layers of each texel.
 
@@ -84,9 +84,8 @@ def layered_maps(
         near_far: First and last depth of each texel; those of its hair if None.
         offsets: How far behind the first hair each layer ends, in metres, the same for
             all texels; if None, layers share what lies up to the last hair.
-        gamma: Power of the even steps by which they share it. At 1 they are even; at 2,
-            closer near the light as in figure 6-4c, sixteen layers of artists' grooms
-            err less than 64 even maps.
+        gamma: Power of the even steps by which they share it. At 1 they are even; above,
+            closer near the light as in figure 6-4c.
 
     Raises:
         ValueError: If there is no layer, or offsets do not rise from above 0.

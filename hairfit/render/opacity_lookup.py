@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 from .opacity_exact import ExactLists
 from .opacity_layers import LayeredMaps
 from .opacity_maps import OpacityMaps
+from .opacity_occupied import OccupiedMaps
 from .view import see_all
 
 Filter = Literal["nearest", "bilinear", "box3"]
@@ -45,7 +46,7 @@ class AxisTaps(NamedTuple):
 
 
 def opacity_at(
-    maps: OpacityMaps | LayeredMaps | ExactLists,
+    maps: OpacityMaps | LayeredMaps | OccupiedMaps | ExactLists,
     points: Float[np.ndarray, "*points 3"],
     *,
     filter: Filter = "bilinear",

@@ -20,8 +20,8 @@ class ShadowStyle:
     Attributes:
         size: Width and height of a map, in texels.
         slices: Number of maps; of layers a texel, if they are adaptive.
-        scheme: Where maps lie (figure 6-4); `adaptive` spreads them in each texel
-            between its own first and last hair.
+        scheme: Where maps lie (figure 6-4); `adaptive` puts them in each texel where
+            it has hair, see `opacity_occupied`.
         filter: Weights of texels around a point; `box3` is the thesis's 3 x 3 average.
         interpolation: Between maps: linear (6-2), or a monotone cubic.
         kappa: Scale of the opacity, $\kappa$ of table 6-1. At 1, hair of its true width

@@ -77,7 +77,7 @@ def test_layers_with_one_sheet_each_are_exact_between_the_sheets():
     view = distant_view(np.array([0.0, 1.0, 0.0]), points.reshape(-1, 3), 8, 0.0)
     all_near = np.full((8, 8), -0.004)
     given = Range(all_near, all_near + 0.004)
-    maps = layered_maps(points, WIDTH, view, 4, near_far=given, gamma=1.0)
+    maps = layered_maps(points, WIDTH, view, 4, near_far=given)
     lists = exact_lists(points, WIDTH, view)
     p = np.random.default_rng(0).uniform(-0.04, 0.04, (40, 3))
     for height in (0.004, 0.003, 0.002, 0.001, 0.0):

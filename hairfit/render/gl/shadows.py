@@ -3,9 +3,10 @@
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ..opacity_layers import Range
+from ..opacity_occupied import SLABS, within
 from ..shadow_style import ShadowStyle
 from ..view import View
 from .context import Kernel, read
@@ -13,7 +14,8 @@ from .context import Kernel, read
 # Opacity is counted in millionths: sums of integers do not depend on their order, so
 # that every run gives the same bits. A cell holds up to 4096.
 UNIT = 1048576.0
-POINTS, SEEN, CELLS, LIGHT, SLICES, NEAR, FAR = range(7)
+POINTS, SEEN, CELLS, LIGHT, SLICES, MASKS = range(6)
+WORDS = SLABS // 32  # of a texel's mask
 
 
 class ShadowMaps:
@@ -35,7 +37,7 @@ class ShadowMaps:
         }
         self.kernels = {
             name: Kernel(context, f"{name}.comp", **constants)
-            for name in (*names, "range")
+            for name in (*names, "occupy")
         }
         texels = style.size**2
         self.buffers: dict[int, Any] = {
@@ -43,14 +45,13 @@ class ShadowMaps:
             SLICES: context.buffer(reserve=(style.slices + 1) * 4),
         }
         if self.adaptive:
-            self.buffers[NEAR] = context.buffer(reserve=texels * 4)
-            self.buffers[FAR] = context.buffer(reserve=texels * 4)
+            self.buffers[MASKS] = context.buffer(reserve=texels * 4 * WORDS)
         self.uniforms: dict[str, Any] = {}
 
     @property
     def memory(self) -> int:
         """Bytes of the maps."""
-        parts = (CELLS, NEAR, FAR) if self.adaptive else (CELLS,)
+        parts = (CELLS, MASKS) if self.adaptive else (CELLS,)
         return sum(self.buffers[part].size for part in parts)
 
     def build(
@@ -80,9 +81,8 @@ class ShadowMaps:
             "pixels_per_metre": float(view.pixels_per_metre),
             "size": (style.size, style.size),
             "slabs": style.slices,
-            "layers": style.slices,
+            "between": (float(slices[0]), float(slices[-1])),
             "unit": UNIT,
-            "origin": float(slices[0]) - 1e-3,
         }
         if SEEN not in self.buffers or self.buffers[SEEN].size < 16 * count:
             self.buffers[SEEN] = self.context.buffer(reserve=16 * max(count, 1))
@@ -90,27 +90,24 @@ class ShadowMaps:
         self.run("see", count, buffers)
         self.fill(CELLS, 0)
         if self.adaptive:
-            self.find_range(buffers, count, slices, known)
+            self.occupy(buffers, count, slices, known)
             self.run("splat_layers", count - 1, buffers)
         else:
             self.run("splat_slabs", count - 1, buffers)
         self.run("sum_slabs", style.size**2, buffers)
 
-    def find_range(
+    def occupy(
         self, buffers: dict, count: int, slices: np.ndarray, known: Range | None
     ) -> None:
-        """Write the depths of each texel's first and last hair."""
+        """Write which slabs of each texel hold hair."""
         if known is None:
-            self.fill(NEAR, 0x7F7FFFFF)
-            self.fill(FAR, 0)
-            self.run("range", count - 1, buffers)
+            self.fill(MASKS, 0)
+            self.run("occupy", count - 1, buffers)
             return
-        near = np.where(np.isfinite(known.near), known.near, slices[0])
-        far = np.where(np.isfinite(known.far), known.far, slices[-1])
-        self.uniforms["origin"] = float(near.min()) - 1e-3
-        for part, value in ((NEAR, near), (FAR, far)):
-            above = np.maximum(value - self.uniforms["origin"], 0.0)
-            self.buffers[part].write(above.astype(np.float32).tobytes())
+        borders = np.linspace(slices[0], slices[-1], SLABS + 1)
+        held = np.moveaxis(within(known, borders), 0, -1)
+        bits = np.packbits(held, axis=-1, bitorder="little")
+        self.buffers[MASKS].write(np.ascontiguousarray(bits))
 
     def light(
         self,
@@ -157,6 +154,13 @@ class ShadowMaps:
         n = self.style.size
         cells = read(self.buffers[CELLS], np.uint32, (n, self.style.slices, n))
         return cells.transpose(1, 0, 2) / UNIT
+
+    def occupied(self) -> Bool[np.ndarray, "slabs height width"]:
+        """Return which slabs of each texel hold hair, of adaptive maps."""
+        n = self.style.size
+        masks = read(self.buffers[MASKS], np.uint8, (n, n, 4 * WORDS))
+        bits = np.unpackbits(masks, axis=-1, bitorder="little")
+        return np.moveaxis(bits.astype(bool), -1, 0)
 
     def release(self) -> None:
         """Give the memory back."""

@@ -13,12 +13,14 @@ from hairfit.render.gl.frame import Frames
 from hairfit.render.gl.shadows import ShadowMaps
 from hairfit.render.gl.solid import Solid
 from hairfit.render.lights import DistantLight
-from hairfit.render.opacity_layers import Range, hair_range, layered_maps
+from hairfit.render.opacity_layers import Range, hair_range
 from hairfit.render.opacity_lookup import opacity_at
 from hairfit.render.opacity_maps import opacity_maps
+from hairfit.render.opacity_occupied import SLABS, occupied_maps, within
 from hairfit.render.pieces import hair_pieces
 from hairfit.render.scene import HairLook, Scene
 from hairfit.render.shadow_style import ShadowStyle
+from hairfit.render.slices import uniform_slices
 from hairfit.render.view import distant_view, lamp_view, see_all
 from hairfit.types import Mesh
 
@@ -49,6 +51,7 @@ class Lit:
         self.slices = style.depths(depth)
         self.bytes, self.memory = out.read(), maps.memory
         self.cells = maps.opacity()
+        self.occupied = maps.occupied() if maps.adaptive else None
         for thing in (points, out, maps):
             thing.release()
 
@@ -79,7 +82,10 @@ def test_transmittance_is_the_references_to_a_grey_level(context, bob, kind, opt
     lit = Lit(context, bob, view, style)
     strands = lit.flat.reshape(bob.shape)
     if style.scheme == "adaptive":
-        maps = layered_maps(strands, WIDTH, view, style.slices)
+        ends = float(lit.slices[0]), float(lit.slices[-1])
+        maps = occupied_maps(
+            strands, WIDTH, view, ends, style.slices, occupied=lit.occupied
+        )
     else:
         maps = opacity_maps(strands, WIDTH, view, lit.slices)
     expected = opacity_at(
@@ -104,9 +110,24 @@ def test_a_known_range_gives_the_layers_that_the_reference_makes_of_it(context, 
     # As cylinders around the hair would say: a little before it, and behind it.
     known = Range(own.near - 0.01, own.far + 0.02)
     lit = Lit(context, bob, view, style, known)
-    maps = layered_maps(bob, WIDTH, view, style.slices, near_far=known)
+    ends = float(lit.slices[0]), float(lit.slices[-1])
+    held = within(known, uniform_slices(*ends, SLABS))
+    np.testing.assert_array_equal(lit.occupied, held)
+    maps = occupied_maps(bob, WIDTH, view, ends, style.slices, occupied=held)
     filled = np.isfinite(own.near)
     np.testing.assert_allclose(lit.cells[:, filled], maps.opacity[:, filled], atol=2e-3)
+
+
+def test_slabs_are_occupied_where_hair_is(context, bob):
+    style = ShadowStyle(size=64, slices=8, scheme="adaptive")
+    view = a_view("distant", bob, style.size)
+    lit = Lit(context, bob, view, style)
+    ends = float(lit.slices[0]), float(lit.slices[-1])
+    strands = lit.flat.reshape(bob.shape)
+    expected = occupied_maps(strands, WIDTH, view, ends, 8).occupied
+    assert lit.occupied is not None and expected.sum() > 5000
+    # Rounding may find hair that just touches a slab in it, or not.
+    assert (lit.occupied != expected).sum() < 2e-3 * expected.sum()
 
 
 def test_layers_need_less_memory_than_maps(context, bob):

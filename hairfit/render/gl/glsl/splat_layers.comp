@@ -1,9 +1,10 @@
 #include "compute.glsl"
 #include "walk.glsl"
-#include "layers.glsl"
+#include "occupied.glsl"
 layout(std430, binding = 0) readonly buffer Points { vec4 point[]; };
 layout(std430, binding = 1) readonly buffer Seen { vec4 seen[]; };
 layout(std430, binding = 2) buffer Cells { uint cell[]; };
+layout(std430, binding = 5) readonly buffer Masks { uint mask[]; };
 uniform ivec2 size;
 uniform float unit;
 void main() {
@@ -21,22 +22,25 @@ void main() {
     for (bool more = true; more;) {
         more = w.left > 0;
         int texel = w.pixel.y * size.x + w.pixel.x;
-        vec2 range = range_of(texel);
-        float s = a.z + w.from * deeper, t = a.z + w.to * deeper;
-        int layer = layer_of(s, range), goal = layer_of(t, range);
-        int place = w.pixel.y * layers * size.x + w.pixel.x;
+        uvec3 held = uvec3(mask[3 * texel], mask[3 * texel + 1], mask[3 * texel + 2]);
+        int number = count_bits(held), row = w.pixel.y * slabs * size.x + w.pixel.x;
+        float s = place_of(a.z + w.from * deeper), t = place_of(a.z + w.to * deeper);
+        int slab = slab_at(s), goal = slab_at(t);
         float amount = total * (w.to - w.from), gone = 0.0;
         while (true) {
             float share = 1.0;
-            if (layer != goal) {
-                float border = end_of(goal > layer ? layer + 1 : layer, range);
+            if (slab != goal) {
+                float border = float(goal > slab ? slab + 1 : slab);
                 share = clamp((border - s) / (t - s), gone, 1.0);
             }
             uint added = uint(amount * (share - gone) + 0.5);
-            if (added > 0u) atomicAdd(cell[place + layer * size.x], added);
+            if (added > 0u) {
+                int rank = min(rank_of(held, slab), max(number - 1, 0));
+                atomicAdd(cell[row + layer_of_rank(rank, number) * size.x], added);
+            }
             gone = share;
-            if (layer == goal) break;
-            layer += goal > layer ? 1 : -1;
+            if (slab == goal) break;
+            slab += goal > slab ? 1 : -1;
         }
         if (more) next_pixel(w);
     }
