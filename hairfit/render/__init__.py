@@ -1,6 +1,21 @@
-"""How hair looks: cameras, shading and rasters [Kim02, chapters 5 and 6]."""
+"""How hair looks: cameras, shading, shadows, visibility [Kim02, chapters 5 and 6]."""
 
 from .camera import Camera as Camera
+from .chiang import HairFibre as HairFibre
+from .chiang import chiang as chiang
+from .chiang import hair_fibre as hair_fibre
+from .lights import DistantLight as DistantLight
+from .lights import PointLight as PointLight
+from .lights import ShadowConfig as ShadowConfig
+from .lights import shade as shade
+from .marschner import marschner as marschner
+from .observe import Appearance as Appearance
+from .observe import Observation as Observation
+from .observe import ObserveConfig as ObserveConfig
+from .observe import observe as observe
+from .opacity_volume import OpacityConfig as OpacityConfig
+from .opacity_volume import OpacityVolume as OpacityVolume
+from .opacity_volume import opacity_volume as opacity_volume
 from .raster import Hits as Hits
 from .raster import Raster as Raster
 from .raster import mesh_depth as mesh_depth
@@ -9,5 +24,13 @@ from .raster import project_points as project_points
 from .raster import rasterise as rasterise
 from .raster import vertex_normals as vertex_normals
 from .raster import visible_points as visible_points
+from .scene import Background as Background
+from .scene import HairLook as HairLook
+from .scene import Scene as Scene
 from .shading import Fibre as Fibre
 from .shading import kajiya_kay as kajiya_kay
+from .shadow_style import ShadowStyle as ShadowStyle
+from .view import View as View
+from .view import camera_view as camera_view
+from .view import distant_view as distant_view
+from .view import lamp_view as lamp_view
