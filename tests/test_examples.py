@@ -24,6 +24,7 @@ SMALL = {
     "level_of_detail": "strands=600",
     "penetration": "strands=600",
     "phase_functions": "rays=200_000",
+    "render": "strands=2500",
     "selection": "",
     "shadows": "strands=800, hairs=3000",
     "subdivision": "strands=800, children=3",
