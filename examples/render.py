@@ -1,6 +1,6 @@
 """What `hairfit render` can do: colours, backgrounds, pen and ink, and two engines.
 
-Run `python examples/render.py [--out FILE]`. Above: hair by its name's pigments in the
+Run `python examples/render.py [--out FILE]`. Above: hair of named colours in the
 model of Chiang et al. 2016. Below: a picture with coverage as alpha over squares, hair
 between the posts of a picture that has depth, figure 7-4 of the thesis drawn anew, and
 one scene by OpenGL and by JAX (both by JAX where there is no OpenGL).

@@ -16,7 +16,7 @@ from .scene import Colour, HairLook
 
 Scattering = Callable[[PhaseAngles, HairFibre], Float[Array, " 3"]]
 # What hair of these names looks like, linear RGB. Melanin alone makes no ginger and no
-# grey hair (little of it is blonde), and the brown above is nearly black.
+# grey hair, and in pictures the blonde above is brown and the brown black.
 SHADES: dict[str, Colour] = {
     "black": (0.018, 0.015, 0.013),
     "brown": (0.24, 0.110, 0.048),
@@ -25,7 +25,6 @@ SHADES: dict[str, Colour] = {
     "grey": (0.30, 0.29, 0.28),
     "white": (0.68, 0.67, 0.64),
 }
-BY_MELANIN = ("black", "blonde")
 # A fibre's colour beside it: in light from several sides hair is brighter than a matt
 # surface of its colour.
 OF_FIBRE = 0.4
@@ -94,8 +93,6 @@ def fibre_of_pigment(pigment: Pigment, azimuthal: float = AZIMUTHAL) -> HairFibr
 
 def fibre_of_name(name: str) -> HairFibre:
     """Return a fibre of hair of one of the names in `SHADES`."""
-    if name in BY_MELANIN:
-        return fibre_of_pigment(PIGMENTS[name])
     red, green, blue = SHADES[name]
     return fibre_of_colour((OF_FIBRE * red, OF_FIBRE * green, OF_FIBRE * blue))
 

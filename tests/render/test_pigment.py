@@ -28,7 +28,7 @@ def test_black_and_white_have_fibres():
 
 
 def test_every_name_has_a_fibre_as_dark_as_its_shade():
-    names = ["black", "brown", "blonde", "white"]
+    names = ["black", "brown", "grey", "blonde", "white"]
     seen = [sum(colour_of(fibre_of_name(name))) for name in names]
     assert seen == sorted(seen)
     grey = np.array(colour_of(fibre_of_name("grey")))
