@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..model import vector
 from .camera import Camera
 from .opacity_volume import OpacityConfig, opacity_volume
 from .shading import Fibre, kajiya_kay
@@ -113,7 +114,7 @@ class PointLight(eqx.Module):
         ball = ball_around(points)
         way = ball.centre - self.position
         axes = axes_away(unit(way))
-        distance = jnp.maximum(norm(way), CLOSEST * ball.radius)
+        distance = jnp.maximum(vector.norm(way), CLOSEST * ball.radius)
         # The cone that touches the ball.
         focal = (0.5 * size - MARGIN) * jnp.sqrt((distance / ball.radius) ** 2 - 1.0)
         zero, one = jnp.zeros_like(focal), jnp.ones_like(focal)
@@ -201,17 +202,9 @@ def knot_tangents(
     return jax.vmap(jax.vmap(unit))(ends[:, 2:] - ends[:, :-2])
 
 
-def norm(v: Float[Array, " 3"]) -> Float[Array, ""]:
-    """Return a length, with gradient 0 where it is 0."""
-    square = jnp.sum(v**2)
-    some = square > 0.0
-    return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
-
-
 def unit(v: Float[Array, " 3"]) -> Float[Array, " 3"]:
     """Return a vector of length 1 along another; 0 for 0."""
-    length = norm(v)
-    return v / jnp.where(length > 0.0, length, 1.0)
+    return vector.unit(v, jnp.zeros_like(v))
 
 
 def precise(matrix: Float[Array, "3 3"], v: Float[Array, " 3"]) -> Float[Array, " 3"]:
