@@ -15,8 +15,8 @@ from .shadow_style import PREVIEW_SHADOWS
 TOWARDS = ((-0.55, -0.75, -0.70), (0.60, -0.80, 0.55))
 STRENGTH = (1.5, 0.9)
 # Many hairs of their true width; few ones stand for more, and are drawn wider.
-WIDTH_OF_10_000 = 0.00012
-WIDEST, NARROWEST = 0.0008, 0.00006
+WIDTH_OF_10_000 = 0.00018
+WIDEST, NARROWEST = 0.001, 0.00006
 
 
 def studio_lights(camera: Camera) -> tuple[DistantLight, ...]:
