@@ -111,7 +111,7 @@ def by_rays(
 
     Rays start in a tent one texel wide across the light, as a map is looked up.
     """
-    import mitsuba as mi
+    import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     mi.set_variant("llvm_ad_rgb")
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as file:
@@ -191,7 +191,7 @@ def main(captures: pathlib.Path, out: pathlib.Path) -> None:
     for row, (name, colour) in zip(axes, GROOMS, strict=False):
         draw_pairs(row, captures / name, colour)
     try:
-        import mitsuba  # noqa: F401
+        import mitsuba  # noqa: F401  # pyright: ignore[reportMissingImports]
     except ImportError:
         print("without Mitsuba, no shadows: pip install hairfit[mitsuba]")
     else:
