@@ -161,7 +161,7 @@ def accuracy(context: Any) -> None:
     print("Largest difference of GL and float64, of 1/255; RMSE against exact lists.\n")
     print(
         "| scene | GL, uniform | GL, adaptive | RMSE of 64 uniform | 16 adaptive, times"
-        " that | 16 even from first to last hair | deep opacity, 16 | bits that differ |"
+        " that | 16 even from first to last hair | deep opacity, 16 | other bits |"
     )
     print("| --- " * 8 + "|")
     even, layers = ShadowStyle(), ShadowStyle(scheme="adaptive", slices=16)

@@ -84,8 +84,8 @@ def layered_maps(
         near_far: First and last depth of each texel; those of its hair if None.
         offsets: How far behind the first hair each layer ends, in metres, the same for
             all texels; if None, layers share what lies up to the last hair.
-        gamma: Power of the even steps by which they share it. At 1 they are even; above,
-            closer near the light as in figure 6-4c.
+        gamma: Power of the even steps by which they share it. At 1 they are even;
+            above, closer near the light as in figure 6-4c.
 
     Raises:
         ValueError: If there is no layer, or offsets do not rise from above 0.

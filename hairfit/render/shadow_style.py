@@ -58,6 +58,6 @@ class ShadowStyle:
         return uniform_slices(nearest, farthest, self.slices)
 
 
-# Good enough for a picture of a few hundred pixels. Few even maps would show as bands on
-# hair that hangs along the light.
+# Good enough for a picture of a few hundred pixels. Few even maps would show as bands
+# on hair that hangs along the light.
 PREVIEW_SHADOWS = ShadowStyle(size=256, slices=16, scheme="adaptive")
