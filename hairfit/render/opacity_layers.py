@@ -70,7 +70,6 @@ def layered_maps(
     *,
     near_far: Range | None = None,
     offsets: Float[np.ndarray, " layers"] | None = None,
-    gamma: float = 1.0,
 ) -> LayeredMaps:
     """Return opacity in layers of each texel.
 
@@ -83,9 +82,7 @@ def layered_maps(
         layers: Number of layers.
         near_far: First and last depth of each texel; those of its hair if None.
         offsets: How far behind the first hair each layer ends, in metres, the same for
-            all texels; if None, layers share what lies up to the last hair.
-        gamma: Power of the even steps by which they share it. At 1 they are even;
-            above, closer near the light as in figure 6-4c.
+            all texels; if None, layers share evenly what lies up to the last hair.
 
     Raises:
         ValueError: If there is no layer, or offsets do not rise from above 0.
@@ -98,7 +95,7 @@ def layered_maps(
     if offsets is None:
         thick = np.full(near.shape, THINNEST)
         np.subtract(far, near, where=np.isfinite(near), out=thick)
-        share = (np.arange(1, layers + 1)[:, None, None] / layers) ** gamma
+        share = np.arange(1, layers + 1)[:, None, None] / layers
         offset = np.maximum(thick, THINNEST) * share
     else:
         check_offsets(offsets, layers)
