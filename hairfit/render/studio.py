@@ -17,6 +17,7 @@ STRENGTH = (1.5, 0.9)
 # Many hairs of their true width; few ones stand for more, and are drawn wider.
 WIDTH_OF_10_000 = 0.00018
 WIDEST, NARROWEST = 0.001, 0.00006
+SMALLEST, HEAD_OF_HAIR, LARGEST = 0.03, 0.5, 3.0  # diagonals of a box around it
 
 
 def studio_lights(camera: Camera) -> tuple[DistantLight, ...]:
@@ -29,17 +30,28 @@ def studio_lights(camera: Camera) -> tuple[DistantLight, ...]:
     )
 
 
-def shown_width(count: int) -> float:
-    """Return the width that so many strands are shown with, in metres."""
-    width = WIDTH_OF_10_000 * float(np.sqrt(10_000 / max(count, 1)))
-    return float(np.clip(width, NARROWEST, WIDEST))
+def shown_width(strands: Float[np.ndarray, "strands knots 3"]) -> float:
+    """Return the width that strands are shown with, in metres.
+
+    Files of others may have other units than metres: hair that would be larger than a
+    person or smaller than a finger is as thick as if it were on a head.
+    """
+    count = max(len(strands), 1)
+    width = WIDTH_OF_10_000 * float(np.sqrt(10_000 / count))
+    width = float(np.clip(width, NARROWEST, WIDEST))
+    if strands.size == 0:
+        return width
+    flat = strands.reshape(-1, 3)
+    size = float(np.linalg.norm(flat.max(0) - flat.min(0)))
+    usual = SMALLEST <= size <= LARGEST
+    return width if usual or size == 0.0 else width * size / HEAD_OF_HAIR
 
 
 def preview_scene(
     strands: Float[np.ndarray, "strands knots 3"], head: Mesh | None
 ) -> Scene:
     """Return hair on a head as previews show it; `studio_lights` light it."""
-    look = HairLook(width=shown_width(len(strands)))
+    look = HairLook(width=shown_width(strands))
     return Scene(
         strands, look=look, head=head, sky=(0.45, 0.45, 0.45), shadows=PREVIEW_SHADOWS
     )

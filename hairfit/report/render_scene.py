@@ -134,7 +134,7 @@ def make_scene(
     sky = sky_of(options)
     return Scene(
         points,
-        look=hair_look(options.hair, len(points)),
+        look=hair_look(options.hair, points),
         head=head,
         lights=own_lights(options),
         sky=(0.0, 0.0, 0.0) if shadowed_sky(options) else (sky, sky, sky),
@@ -148,9 +148,12 @@ def style_of(quality: Quality) -> EngineStyle:
     return STYLES[quality]
 
 
-def hair_look(hair: HairOptions, count: int) -> HairLook:
-    """Return what so many strands look like."""
-    width = shown_width(count) if hair.width_mm is None else hair.width_mm / 1000.0
+def hair_look(
+    hair: HairOptions, strands: Float[np.ndarray, "strands knots 3"]
+) -> HairLook:
+    """Return what strands look like."""
+    given = hair.width_mm
+    width = shown_width(strands) if given is None else given / 1000.0
     if hair.shading != "kajiya-kay":
         model = {"chiang": chiang, "marschner": marschner}[hair.shading]
         return fibre_look(fibre_of(hair), model, width=width, alpha=hair.alpha)

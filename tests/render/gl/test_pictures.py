@@ -11,7 +11,7 @@ from hairfit import InputError
 from hairfit.render import Camera
 from hairfit.render.gl import NoContextError, draw_frames
 from hairfit.render.gl.solid import Solid, clip_from_world
-from hairfit.render.studio import preview_scene, studio_lights
+from hairfit.render.studio import preview_scene, shown_width, studio_lights
 from hairfit.render.view import camera_view, distant_view, see_all
 from hairfit.types import Mesh
 
@@ -89,3 +89,15 @@ def test_opengl_is_imported_when_it_is_needed():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "False"
+
+
+def test_hair_in_other_units_is_as_thick_beside_its_size(bob):
+    usual = shown_width(bob)
+    assert usual == 0.001
+    assert shown_width(np.tile(bob, (3, 1, 1))) == pytest.approx(0.0006)
+    assert shown_width(2.0 * bob) == usual
+    inches = shown_width(bob / 0.0254)
+    size = np.linalg.norm(np.ptp(bob.reshape(-1, 3), axis=0)) / 0.0254
+    assert inches == pytest.approx(usual * size / 0.5)
+    assert shown_width(np.zeros((0, 8, 3))) == 0.001
+    assert shown_width(np.zeros((10_000, 8, 3))) == 0.00018
