@@ -182,6 +182,8 @@ def place_near(
     segment = jnp.where(at_knot & behind, knot - 1, knot)
     segment = jnp.clip(segment, 0, segments - 1)
     start = sample.astype(p.dtype) / PER_SEGMENT - segment.astype(p.dtype)
+    aside = beyond_knot(axis, p, segment, start)
+    segment, start = segment + aside, start - aside.astype(p.dtype)
     piece = piece_at(axis, segment)
     fixed, still = jax.lax.stop_gradient((piece, p))
 
@@ -194,7 +196,8 @@ def place_near(
         good = (here.slope < 0.0) & (newton >= low) & (newton <= high)
         return jnp.where(good, newton, 0.5 * (low + high)), low, high
 
-    bracket = (start, jnp.zeros_like(start), jnp.ones_like(start))
+    within = jnp.clip(start, 0.0, 1.0)
+    bracket = (within, jnp.zeros_like(start), jnp.ones_like(start))
     f = jax.lax.fori_loop(0, ROOT_STEPS, step, bracket)[0]
     found = is_root(look(fixed, still, f)) & (jnp.abs(f - start) <= reach)
     f = jnp.where(found, f, start)
@@ -212,6 +215,26 @@ def place_near(
     change = (jax.lax.stop_gradient(here.g) - here.g) / slope
     f = f + jnp.where(sound, change, 0.0)
     return Nearest((segment.astype(p.dtype) + f) / segments, ~sound)
+
+
+def beyond_knot(
+    axis: Axis,
+    p: Float[Array, " 3"],
+    segment: Int[Array, ""],
+    start: Float[Array, ""],
+) -> Int[Array, ""]:
+    """Return -1 or 1 if the root is in the piece before or after, else 0.
+
+    As the tangent is not the derivative, the closest sample may be the first one behind
+    a knot, and the root a little before the knot.
+    """
+    piece, still = jax.lax.stop_gradient((piece_at(axis, segment), p))
+    zero = jnp.zeros_like(start)
+    before = (start * PER_SEGMENT <= 1.0) & (look(piece, still, zero).g < 0.0)
+    after = ((1.0 - start) * PER_SEGMENT <= 1.0) & (look(piece, still, zero + 1).g > 0)
+    before &= segment > 0
+    after &= segment < axis.cubic.shape[0] - 1
+    return after.astype(segment.dtype) - before.astype(segment.dtype)
 
 
 def follow_samples(axis: Axis, p: Float[Array, "knots 3"]) -> Int[Array, " knots"]:

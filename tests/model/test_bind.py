@@ -102,6 +102,17 @@ def test_points_return_from_their_coordinates(seed):
     assert jnp.mean(bound.ambiguous) < 0.3
 
 
+def test_a_root_just_before_a_knot_is_found_from_a_sample_behind_it():
+    # Of this cluster and point the closest sample is the first one behind a knot.
+    cylinder = random_cylinder(260)
+    _, p = within(cylinder, 64, 260)
+    bound = bind_points(cylinder, p)
+    assert not bool(bound.ambiguous[49])
+    assert float(bound.t[49]) < 0.2
+    apart = jnp.linalg.norm(update_points(cylinder, bound)[49] - p[49])
+    assert float(apart) < 1e-12
+
+
 def test_a_gently_bent_cluster_knows_the_coordinates_of_all_its_points():
     cylinder = random_cylinder(3, bend=0.003)
     (r, theta, t), p = within(cylinder, 64, 0)
