@@ -349,7 +349,7 @@ def agreement(context: Any) -> None:
         (10_000, 1e-4, 1.0, None),
         (10_000, 1e-4, 0.5, 8),
         (2_000, 3e-4, 1.0, None),
-        (2_000, 3e-4, 0.3, 16),
+        (2_000, 3e-4, 0.2, 24),
     ):
         config = ObserveConfig(samples=samples, blur=blur)
         iou, degrees = compare(context, make_groom(count), width, config)
