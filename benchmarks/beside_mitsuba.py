@@ -21,6 +21,7 @@ from hairfit.capture.cameras import read_cameras
 from hairfit.capture.head import load_head
 from hairfit.capture.photos import linear_from_srgb, read_photo, srgb_from_linear
 from hairfit.render.gl import Frames, open_context
+from hairfit.render.gl.buffers import point_rows
 from hairfit.render.gl.context import read
 from hairfit.render.gl.shadows import ShadowMaps
 from hairfit.render.lights import PointLight
@@ -139,10 +140,11 @@ def by_maps(
 ) -> Float[np.ndarray, " points"]:
     """Return the share of the light that maps let through to all vertices."""
     flat = strands.reshape(-1, 3)
-    rows = np.zeros((*strands.shape[:2], 4), np.float32)
-    rows[..., :3], rows[:, :-1, 3] = strands, WIDTH
     context = open_context()
-    points, out = context.buffer(rows), context.buffer(reserve=8 * len(flat))
+    points, out = (
+        context.buffer(point_rows(strands, WIDTH)),
+        context.buffer(reserve=8 * len(flat)),
+    )
     maps = ShadowMaps(context, style)
     maps.build(points, len(flat), view, see_all(flat, view)[:, 2])
     maps.light(points, len(flat), out)

@@ -26,9 +26,10 @@ from table_6_1 import Table61, Way
 from hairfit.model import sample_strands
 from hairfit.render import Camera
 from hairfit.render.gl import Frames, FrameStyle, open_context
+from hairfit.render.gl.buffers import point_rows
 from hairfit.render.gl.context import read
 from hairfit.render.gl.lines import HairLines
-from hairfit.render.gl.passes import LineMaps, point_rows
+from hairfit.render.gl.passes import LineMaps
 from hairfit.render.gl.shadows import ShadowMaps
 from hairfit.render.lights import DistantLight
 from hairfit.render.observe import Appearance, ObserveConfig, observe

@@ -9,9 +9,10 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
+from hairfit.render.gl.buffers import picture
 from hairfit.render.gl.context import set_uniforms
-from hairfit.render.gl.passes import open_ended, picture
-from hairfit.render.gl.solid import clip_from_world
+from hairfit.render.gl.passes import open_ended
+from hairfit.render.gl.solid import projection
 from hairfit.render.opacity_maps import OpacityMaps
 from hairfit.render.view import View, see_all
 
@@ -93,9 +94,7 @@ class Table61:
         self.program = context.program(
             vertex_shader=shaders[0], fragment_shader=shaders[1]
         )
-        clip = clip_from_world(view, seen[..., 2].reshape(-1))
-        row = tuple(np.asarray(view.matrix, np.float64)[2])
-        set_uniforms(self.program, {"clip_from_world": clip, "depth_row": row})
+        set_uniforms(self.program, projection(view, strands))
         layout = [(context.buffer(rows), "3f 1f", "position", "share")]
         self.array = context.vertex_array(self.program, layout, context.buffer(index))
         self.texture = context.texture((view.width, view.height), 1, dtype="f4")

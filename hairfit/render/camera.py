@@ -42,3 +42,10 @@ class Camera(eqx.Module):
         p_cam = self.cam_from_world[:3, :3] @ p_world + self.cam_from_world[:3, 3]
         depth = jnp.where(jnp.abs(p_cam[2]) < 1e-9, 1e-9, p_cam[2])
         return Projected((self.K @ (p_cam / depth))[:2], p_cam[2])
+
+
+def resized(camera: Camera, width: int, height: int) -> Camera:
+    """Return a camera that takes the same picture with other numbers of pixels."""
+    ratio = [[width / camera.width], [height / camera.height], [1.0]]
+    K = camera.K * jnp.asarray(ratio, camera.K.dtype)
+    return Camera(K, camera.cam_from_world, width, height)

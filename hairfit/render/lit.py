@@ -14,7 +14,7 @@ from .lights import PointLight, knot_tangents, unit
 from .opacity_volume import OpacityConfig, opacity_volume
 from .phase import PhaseAngles, phase_angles
 from .raster import vertex_normals
-from .scene import HairLook, Light, Scene, light_view
+from .scene import HairLook, Light, Scene, head_places, light_view
 from .shading import Fibre, kajiya_kay
 from .shadow_style import ShadowStyle
 from .strand_samples import samples_needed
@@ -23,8 +23,6 @@ from .view import View
 # Slabs that do what layers of their own depth in every texel do, and the largest map
 # that is not too slow.
 SLABS, LARGEST = 64, 512
-# Vertices of a head look for light so far outside of it, in metres.
-OUTSIDE = 0.002
 
 
 class Arrived(NamedTuple):
@@ -87,8 +85,7 @@ def shares(
     config = OpacityConfig(slabs, rounded_up(samples_needed(jnp.asarray(points), view)))
     width = jnp.asarray(look.width, number())
     opacity = opacity_at(jnp.asarray(points), width, view, at, config)
-    kappa = style.kappa * look.alpha * (1.0 - np.asarray(look.forward))
-    return jnp.exp(-jnp.asarray(kappa[None], number()) * opacity[:, None])
+    return jnp.exp(-jnp.asarray(scene.kappa[None], number()) * opacity[:, None])
 
 
 @partial(jax.jit, static_argnames="config")
@@ -258,8 +255,3 @@ def head_radiance(
         facing = np.maximum(np.einsum("ij,ij->i", normal, way), 0.0)
         total = total + facing[:, None] * light
     return np.asarray(scene.skin) * total
-
-
-def head_places(head: Mesh) -> Float[np.ndarray, "vertices 3"]:
-    """Return where a head looks for light: a little outside, in metres."""
-    return np.asarray(head.vertices, np.float64) + OUTSIDE * vertex_normals(head)

@@ -10,10 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .camera import Camera
+from .camera import Camera, resized
 from .lit import (
     hair_radiance,
-    head_places,
     head_radiance,
     light_at,
     number,
@@ -21,7 +20,7 @@ from .lit import (
 )
 from .observe import Appearance, Observation, ObserveConfig, observe
 from .raster import mesh_hits, unit
-from .scene import Background, Light, Scene
+from .scene import Background, Light, Scene, head_places
 from .strand_samples import DepthRange, depths_of, samples_needed
 from .tiles import Tile, background_of, camera_of, tiles
 from .view import View, camera_view, see_all
@@ -121,7 +120,8 @@ class Pictures:
         n = self.style.samples
         colour = np.repeat(np.repeat(colour, n, 0), n, 1)
         limit = np.repeat(np.repeat(depth, n, 0), n, 1)
-        fine = finer(camera_of(tile, camera), n)
+        part = camera_of(tile, camera)
+        fine = resized(part, n * part.width, n * part.height)
         hits = mesh_hits(self.scene.head, fine)
         shown = (hits.face >= 0) & (hits.depth <= limit)
         face = self.scene.head.faces[hits.face[shown]]
@@ -253,13 +253,6 @@ def seen_hair(
     return observe(
         points, view, appearance, head_depth=head_depth, between=between, config=config
     )
-
-
-def finer(camera: Camera, times: int) -> Camera:
-    """Return a camera with so many times the pixels along each side."""
-    scale = jnp.asarray([[times], [times], [1]], camera.K.dtype)
-    size = times * camera.width, times * camera.height
-    return Camera(camera.K * scale, camera.cam_from_world, *size)
 
 
 def points_at(

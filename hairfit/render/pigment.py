@@ -105,11 +105,6 @@ def darkening(beta: float) -> float:
     return float(fit)
 
 
-def plain_look(colour: Colour, **more) -> HairLook:
-    """Return hair of a colour with Kajiya's and Kay's highlight."""
-    return HairLook(colour=colour, **more)
-
-
 def chiang_look(pigment: Pigment, *, steps: int = 64, **more) -> HairLook:
     """Return hair as its fibres scatter light by the model of Chiang et al. 2016."""
     return fibre_look(fibre_of_pigment(pigment), chiang, steps=steps, **more)

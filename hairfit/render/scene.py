@@ -8,12 +8,15 @@ from jaxtyping import Float
 from ..types import Mesh
 from .lights import DistantLight, PointLight
 from .phase_table import PhaseTable
+from .raster import vertex_normals
 from .shadow_style import ShadowStyle
 from .view import View, distant_view, lamp_view
 
 Light = DistantLight | PointLight
 Colour = tuple[float, float, float]
 MOST_LIGHTS = 16
+# Vertices of a head look for light so far outside of it, in metres.
+OUTSIDE = 0.002
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,6 +108,12 @@ class Scene:
             )
 
     @property
+    def kappa(self) -> Float[np.ndarray, " 3"]:
+        r"""How much of each colour the opacity of hair takes, $\kappa$ of table 6-1."""
+        kappa = 1.0 if self.shadows is None else self.shadows.kappa
+        return kappa * self.look.alpha * (1.0 - np.asarray(self.look.forward))
+
+    @property
     def tints(self) -> Float[np.ndarray, "strands 4"]:
         """The colour of each strand, and how bright it is beside the others."""
         count = len(self.strands)
@@ -112,6 +121,11 @@ class Scene:
         rng = np.random.default_rng(0)
         bright = np.exp(self.look.variation * rng.standard_normal((count, 1)))
         return np.concatenate([bright * own, bright], 1)
+
+
+def head_places(head: Mesh) -> Float[np.ndarray, "vertices 3"]:
+    """Return where a head looks for light: a little outside, in metres."""
+    return np.asarray(head.vertices, np.float64) + OUTSIDE * vertex_normals(head)
 
 
 def light_view(light: Light, points: Float[np.ndarray, "points 3"], size: int) -> View:

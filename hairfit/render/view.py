@@ -152,6 +152,17 @@ def outermost(
         return points
 
 
+def box_corners(points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "some 1 3"]:
+    """Return the corners of the box around points, each as a strand of one point.
+
+    Nothing within is nearer than the nearest one. There are none without points.
+    """
+    if len(points) == 0:
+        return np.zeros((0, 1, 3))
+    ends = np.stack([points.min(0), points.max(0)], 1).astype(np.float64)
+    return np.stack(np.meshgrid(*ends), -1).reshape(8, 1, 3)
+
+
 def bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest and highest coordinates of points."""
     if len(points) == 0:

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 
-from ..capture.photos import srgb_from_linear
 from ..render.camera import Camera
 from ..render.gl import Frames, FrameStyle, NoContextError, open_context
+from ..render.gl.frame import encoded
 from ..render.picture import Pictures, PictureStyle
 from ..render.scene import Background, Light, Scene
 from ..render.tiles import background_of, camera_of, tiles
@@ -90,10 +90,7 @@ class GlEngine:
         parts = list(tiles(camera.width, camera.height, AT_ONCE))
         for k, tile in enumerate(parts):
             progress(k / len(parts))
-            # Light does not depend on what is behind: nothing is computed anew.
-            frames.scene = dataclasses.replace(
-                frames.scene, background=background_of(tile, whole)
-            )
+            frames.set_background(background_of(tile, whole))
             out[tile.slices] = frames.draw(camera_of(tile, camera))
         return out
 
@@ -113,16 +110,6 @@ class JaxEngine:
         if shot.background is not None:
             self.pictures.set_background(shot.background)
         return encoded(self.pictures.draw_linear(shot.camera, progress))
-
-
-def encoded(
-    linear: Float[np.ndarray, "height width 4"],
-) -> UInt8[np.ndarray, "height width 4"]:
-    """Return premultiplied linear light as 8 bit sRGB that is not premultiplied."""
-    alpha = np.clip(linear[..., 3:], 0.0, 1.0)
-    colour = srgb_from_linear(linear[..., :3] / np.maximum(alpha, 1e-9))
-    colour = np.where(alpha > 0.0, colour, 0.0)
-    return np.round(255.0 * np.concatenate([colour, alpha], -1)).astype(np.uint8)
 
 
 @contextlib.contextmanager

@@ -10,9 +10,8 @@ from scipy.ndimage import (
 )
 
 from ..capture.photos import srgb_from_linear
-from ..render.camera import Camera
+from ..render.camera import Camera, resized
 from ..render.lit import hair_radiance, light_at
-from ..render.picture import finer
 from ..render.raster import mesh_depth, rasterise
 from ..render.scene import Colour, Scene
 from .strokes import Paper, ink_of, place_strokes
@@ -43,7 +42,8 @@ def line_drawing(
     size = camera.width, camera.height
     times = int(np.clip(np.ceil(SHORT_SIDE / min(size)), 1, 4))
     pen = times * max(PEN * min(size), THINNEST)
-    ink = drawn_ink(scene, finer(camera, times), pen)
+    fine = resized(camera, times * size[0], times * size[1])
+    ink = drawn_ink(scene, fine, pen)
     ink = ink.reshape(size[1], times, size[0], times).mean((1, 3))
     return on_paper(ink, scene, paper)
 

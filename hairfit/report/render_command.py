@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, UInt8
 
@@ -15,7 +14,7 @@ from ..capture.photos import read_photo, stem
 from ..errors import InputError
 from ..evaluate.visibility import even_strands
 from ..io.mesh import load_mesh
-from ..render.camera import Camera
+from ..render.camera import Camera, resized
 from ..types import Mesh
 from .behind import Backdrops
 from .engines import Shot, draw_shots, open_engine
@@ -261,7 +260,4 @@ def entries_named(
 
 def scaled(camera: Camera, scale: float) -> Camera:
     """Return a camera with so many times the pixels along each side."""
-    width, height = round(scale * camera.width), round(scale * camera.height)
-    ratio = [[width / camera.width], [height / camera.height], [1.0]]
-    K = camera.K * jnp.asarray(ratio, camera.K.dtype)
-    return Camera(K, camera.cam_from_world, width, height)
+    return resized(camera, round(scale * camera.width), round(scale * camera.height))

@@ -24,7 +24,6 @@ from ..render.pigment import (
     fibre_of_colour,
     fibre_of_name,
     fibre_of_pigment,
-    plain_look,
 )
 from ..render.scene import MOST_LIGHTS, Background, Colour, HairLook, Light, Scene
 from ..render.shadow_style import PREVIEW_SHADOWS, ShadowStyle
@@ -161,7 +160,7 @@ def hair_look(
         colour = colour_of(fibre_of(hair))
     else:
         colour = plain_colour(hair.colour or "brown")
-    return plain_look(colour, width=width, alpha=hair.alpha)
+    return HairLook(colour=colour, width=width, alpha=hair.alpha)
 
 
 def fibre_of(hair: HairOptions) -> HairFibre:

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from ..capture.photos import srgb_from_linear
 from ..render import Camera, Fibre, kajiya_kay, mesh_hits, project_points, rasterise
+from ..render.camera import resized
 from ..render.raster import unit, vertex_normals
 from ..types import Mesh
 from .head import head_distance
@@ -157,7 +158,9 @@ def take_picture(
         look: Colours and lights.
         rng: Randomness of the sensor's noise.
     """
-    fine = magnified(camera, SUPERSAMPLING)
+    with jax.enable_x64(True):  # a camera in double precision stays in it
+        n = SUPERSAMPLING
+        fine = resized(camera, n * camera.width, n * camera.height)
     hits = mesh_hits(head, fine)
     raster = rasterise(points, fine, mesh_depth=hits.depth, radius_px=1.0)
     colour = np.empty((fine.height, fine.width, 3))
@@ -175,14 +178,6 @@ def take_picture(
         box_filter(raster.coverage[..., None])[..., 0] >= 0.5,
         box_filter(skin[..., None])[..., 0] > 0.5,
     )
-
-
-def magnified(camera: Camera, factor: int) -> Camera:
-    """Return the camera with `factor` times as many pixels a side."""
-    size = factor * camera.width, factor * camera.height
-    with jax.enable_x64(True):
-        K = camera.K * jnp.array([[factor], [factor], [1.0]], camera.K.dtype)
-        return Camera(K, camera.cam_from_world, *size)
 
 
 def background(height: int, look: Look) -> Float[np.ndarray, "height 3"]:

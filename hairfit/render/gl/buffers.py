@@ -1,8 +1,9 @@
-"""Storage buffers by name, that grow as they must."""
+"""What goes to the graphics card and comes back: buffers, points, textures."""
 
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 
 class Buffers(dict[str, Any]):
@@ -32,3 +33,19 @@ class Buffers(dict[str, Any]):
         for buffer in self.values():
             buffer.release()
         self.clear()
+
+
+def point_rows(
+    strands: Float[np.ndarray, "strands knots 3"], width: float
+) -> Float[np.ndarray, "strands knots 4"]:
+    """Return points with the width of the segment to the next, 0 at tips; float32."""
+    rows = np.zeros((*strands.shape[:2], 4), np.float32)
+    rows[..., :3] = strands
+    rows[:, :-1, 3] = width
+    return rows
+
+
+def picture(texture: Any) -> Float[np.ndarray, "height width parts"]:
+    """Return a texture of 32 bit floats as an array."""
+    values = np.frombuffer(texture.read(), np.float32)
+    return values.reshape(texture.height, texture.width, texture.components)

@@ -6,9 +6,10 @@ import numpy as np
 
 from ...types import Mesh
 from ..opacity_layers import Range
-from ..view import View, see_all
+from ..view import View
+from .buffers import picture
 from .context import set_uniforms, source
-from .solid import FAR, clip_from_world
+from .solid import FAR, projection
 
 
 class Cover:
@@ -37,14 +38,7 @@ class Cover:
         size = view.width, view.height
         texture = self.context.texture(size, 1, dtype="f4")
         frame = self.context.framebuffer([texture])
-        depth = see_all(np.asarray(self.surface.vertices, np.float64), view)[:, 2]
-        set_uniforms(
-            self.program,
-            {
-                "clip_from_world": clip_from_world(view, depth),
-                "depth_row": tuple(np.asarray(view.matrix, np.float64)[2]),
-            },
-        )
+        set_uniforms(self.program, projection(view, self.surface.vertices))
         found = []
         self.context.enable_only(moderngl.BLEND)
         for equation, none in ((moderngl.MIN, FAR), (moderngl.MAX, -FAR)):
@@ -52,7 +46,7 @@ class Cover:
             frame.clear(none, none, none, none)
             self.context.blend_equation = equation
             self.array.render()
-            values = np.frombuffer(texture.read(), np.float32).reshape(size[::-1])
+            values = picture(texture)[..., 0]
             empty = np.abs(values) >= 0.5 * FAR
             found.append(np.where(empty, np.sign(none) * np.inf, values))
         self.context.blend_equation = moderngl.FUNC_ADD

@@ -3,24 +3,38 @@
 import dataclasses
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from ...capture.photos import srgb_from_linear
-from ..camera import Camera
+from ..camera import Camera, resized
+from ..colour import tone
 from ..phase_table import PhaseTable
+from ..pieces import strips_needed
 from ..raster import vertex_normals
-from ..scene import MOST_LIGHTS, Background, Light, PointLight, Scene, light_view
+from ..scene import (
+    MOST_LIGHTS,
+    Background,
+    Light,
+    PointLight,
+    Scene,
+    head_places,
+    light_view,
+)
 from ..tiles import Tile, background_of, camera_of, halves, tiles
-from ..view import camera_view, outermost, see_all
-from .buffers import Buffers
+from ..view import box_corners, camera_view, outermost, see_all
+from .buffers import Buffers, point_rows
 from .context import COMPUTE, Kernel, NoContextError, read
 from .cover import Cover
-from .pixels import FrameStyle, Pixels, TooManyPiecesError, widest_strips
+from .pixels import FrameStyle, Pixels, TooManyPiecesError
 from .shadows import ShadowMaps
 from .solid import Solid
 
 POINTS, LIGHT, TINT, COLOUR = 0, 3, 5, 6
+UNLIT = np.array(
+    [0.0, 1.0], np.float32
+)  # no hair before it, and all light past the head
 LONGEST = 2048  # pixels along the side of what is drawn at once
 
 
@@ -56,11 +70,8 @@ class Frames:
         self.scene = scene
         strands, knots, _ = scene.strands.shape
         self.count = strands * knots
-        rows = np.zeros((strands, knots, 4), np.float32)
-        rows[..., :3] = scene.strands
-        rows[:, :-1, 3] = scene.look.width
         tints = np.repeat(scene.tints[:, None].astype(np.float32), knots, 1)
-        self.buffers.write("points", rows)
+        self.buffers.write("points", point_rows(scene.strands, scene.look.width))
         self.buffers.write("tint", tints)
         self.buffers.reserve("colour", 16 * self.count)
         self.set_table(scene.look.table)
@@ -70,6 +81,7 @@ class Frames:
             self.set_head()
         flat = np.asarray(scene.strands, np.float64).reshape(-1, 3)
         self.hull = self.outside = outermost(flat)
+        self.box = box_corners(self.hull)
         if scene.head is not None:
             both = np.concatenate([self.hull, scene.head.vertices])
             self.outside = outermost(both)
@@ -98,6 +110,10 @@ class Frames:
         self.scene = dataclasses.replace(self.scene, lights=lights)
         self.relight()
 
+    def set_background(self, background: Background) -> None:
+        """Take another background; light does not depend on it."""
+        self.scene = dataclasses.replace(self.scene, background=background)
+
     def set_head(self) -> None:
         """Write where the head looks for light, a little outside, and its normals."""
         head = self.scene.head
@@ -105,7 +121,7 @@ class Frames:
         normal = vertex_normals(head)
         n = len(normal)
         rows = np.zeros((2, n, 4), np.float32)
-        rows[0, :, :3] = np.asarray(head.vertices) + 0.002 * normal
+        rows[0, :, :3] = head_places(head)
         rows[1, :, :3] = normal
         self.buffers.write("head_points", rows[0])
         self.buffers.write("head_normals", rows[1])
@@ -116,10 +132,12 @@ class Frames:
         scene = self.scene
         self.relit += 1
         skin = 0 if scene.head is None else len(scene.head.vertices)
-        lights = max(len(scene.lights), 1)
+        shadowed = scene.shadows is not None and self.count > 0
         for name, count in (("light", self.count), ("head_light", skin)):
-            unlit = np.tile(np.array([0.0, 1.0], np.float32), (lights * count, 1))
-            self.buffers.write(name, unlit)
+            number = count * len(scene.lights)
+            self.buffers.reserve(name, 8 * number)
+            if not shadowed:
+                self.buffers.write(name, np.tile(UNLIT, (number, 1)))
         if scene.shadows is None or self.count == 0:
             return
         if self.maps is None or self.maps.style != scene.shadows:
@@ -136,12 +154,12 @@ class Frames:
             known = None if self.cover is None else self.cover.range(view)
             depth = see_all(depths, view)[:, 2]
             self.maps.build(points, self.count, view, depth, known)
-            depth = self.solid.depth_from(view)
+            head = self.solid.depth_from(view)
             at = self.buffers["light"], k * self.count
-            self.maps.light(points, self.count, *at, depth)
+            self.maps.light(points, self.count, *at, head)
             if skin:
                 at = self.buffers["head_light"], k * skin
-                self.maps.light(self.buffers["head_points"], skin, *at, depth)
+                self.maps.light(self.buffers["head_points"], skin, *at, head)
 
     def draw(self, camera: Camera) -> UInt8[np.ndarray, "height width 4"]:
         """Return a picture, 8 bit sRGB with its coverage as alpha."""
@@ -162,7 +180,8 @@ class Frames:
             colours: What each vertex of hair sends to it, instead of what light does.
         """
         n = self.pixels.style.fine
-        drawn = self.drawn(magnified(camera, n), linear=True, colours=colours)
+        fine = resized(camera, n * camera.width, n * camera.height)
+        drawn = self.drawn(fine, linear=True, colours=colours)
         if n == 1:
             return drawn
         return drawn.reshape(camera.height, n, camera.width, n, 4).mean((1, 3))
@@ -202,7 +221,7 @@ class Frames:
                 self.buffers,
                 self.count,
                 self.solid,
-                strips=widest_strips(self.hull, scene.look.width, view),
+                strips=strips_needed(self.box, scene.look.width, view),
                 width=scene.look.width,
                 alpha=scene.look.alpha,
                 linear=out.ndim == 3,
@@ -258,13 +277,11 @@ class Frames:
                 place[k], colour[k] = [*np.asarray(light.position), 1], light.intensity
             else:
                 place[k], colour[k] = [*np.asarray(light.to_light), 0], light.colour
-        kappa = 1.0 if scene.shadows is None else scene.shadows.kappa
-        kappa = kappa * scene.look.alpha
         return {
             "lights": len(scene.lights),
             "light_place": [tuple(row) for row in place],
             "light_colour": [tuple(row) for row in colour],
-            "kappa": tuple(kappa * (1.0 - np.asarray(scene.look.forward))),
+            "kappa": tuple(scene.kappa),
             "sky": scene.sky,
         }
 
@@ -276,22 +293,14 @@ class Frames:
                 part.release()
 
 
-def magnified(camera: Camera, factor: int) -> Camera:
-    """Return a camera whose picture has more pixels of the same."""
-    K = camera.K.at[:2].multiply(factor)
-    size = factor * camera.width, factor * camera.height
-    return Camera(K, camera.cam_from_world, *size)
-
-
 def encoded(
-    linear: Float[np.ndarray, "height width 4"], white: float
+    linear: Float[np.ndarray, "height width 4"], white: float = 0.0
 ) -> UInt8[np.ndarray, "height width 4"]:
     """Return premultiplied light as 8 bit sRGB, as `blend.comp` does."""
     cover = linear[..., 3:]
     colour = linear[..., :3] / np.where(cover > 0.0, cover, 1.0)
     if white > 0.0:
-        light = colour @ np.array([0.2126, 0.7152, 0.0722], np.float32)[:, None]
-        colour = colour * (1.0 + light / white**2) / (1.0 + light)
+        colour = np.asarray(tone(jnp.asarray(colour), white))
     shown = np.concatenate([srgb_from_linear(colour), cover], -1)
     return np.round(255.0 * np.clip(shown, 0.0, 1.0)).astype(np.uint8)
 

@@ -15,11 +15,10 @@ from ..camera import Camera
 from ..pieces import strips_needed
 from ..scene import Background, Scene
 from ..tiles import background_of, camera_of, tiles
-from ..view import camera_view, see_all
+from ..view import box_corners, camera_view, see_all
 from ..visibility import DrawingOrder, visibility_bins
-from .buffers import Buffers
+from .buffers import Buffers, picture, point_rows
 from .context import set_uniforms, source
-from .passes import picture, point_rows
 from .solid import Solid
 
 Mode = Literal["plain", "blended", "accumulated"]
@@ -111,7 +110,7 @@ class HairLines:
         self.buffers.reserve("index", strands * (knots - 1) * 8)
         self.set_colours(colours)
         self.set_head_colours(np.tile(scene.skin, (self.skin, 1)))
-        self.box = corners(scene.strands.reshape(-1, 3))
+        self.box = box_corners(scene.strands.reshape(-1, 3))
         self.solids: dict[int, Solid] = {}
         self.frames: dict[int, tuple[Any, Any]] = {}
         self.arrays: dict[Shape, Any] = {}
@@ -315,14 +314,6 @@ class HairLines:
         frames = [frame for _, frame in self.frames.values()]
         for thing in (*self.target, *frames, *self.solids.values(), self.buffers):
             thing.release()
-
-
-def corners(points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "8 1 3"]:
-    """Return the corners of the box around points, each as a strand of one point."""
-    if len(points) == 0:
-        return np.zeros((8, 1, 3))
-    ends = np.stack([points.min(0), points.max(0)], 1).astype(np.float64)
-    return np.stack(np.meshgrid(*ends), -1).reshape(8, 1, 3)
 
 
 def subpixels(count: int) -> Float[np.ndarray, "count 2"]:

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from ..opacity_maps import OpacityMaps
 from ..view import View, see_all
+from .buffers import picture, point_rows
 from .context import set_uniforms, source
 
 # OpenGL 3.3 promises eight targets of four numbers.
@@ -184,24 +185,8 @@ class LineMaps:
         self.buffer.release()
 
 
-def point_rows(
-    strands: Float[np.ndarray, "strands knots 3"], width: float
-) -> Float[np.ndarray, "strands knots 4"]:
-    """Return points with the width of the segment to the next, 0 at tips; float32."""
-    rows = np.zeros((*strands.shape[:2], 4), np.float32)
-    rows[..., :3] = strands
-    rows[:, :-1, 3] = width
-    return rows
-
-
 def open_ended(slices: Float[np.ndarray, " maps"]) -> Float[np.ndarray, " maps"]:
     """Return depths of which the first is before all hair, and the last behind it."""
     if len(slices) < 2:
         raise ValueError(f"opacity maps need at least 2 depths, got {len(slices)}.")
     return np.concatenate([[-ENDLESS], slices[1:-1], [ENDLESS]])
-
-
-def picture(texture: Any) -> Float[np.ndarray, "height width parts"]:
-    """Return a texture of 32 bit floats as an array."""
-    values = np.frombuffer(texture.read(), np.float32)
-    return values.reshape(texture.height, texture.width, texture.components)

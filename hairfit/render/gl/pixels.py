@@ -4,9 +4,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from ..pieces import strips_needed
 from ..view import View
 from .buffers import Buffers
 from .context import Kernel, read
@@ -155,13 +153,3 @@ class Pixels:
     def release(self) -> None:
         """Give all memory back."""
         self.buffers.release()
-
-
-def widest_strips(hull: Float[np.ndarray, "points 3"], width: float, view: View) -> int:
-    """Return how many thin lines the nearest hair is drawn as."""
-    low, high = hull.min(0, initial=np.inf), hull.max(0, initial=-np.inf)
-    if (low > high).any():
-        return 1
-    # The nearest hair is not nearer than the nearest corner of a box around all.
-    corners = np.array(np.meshgrid(*np.stack([low, high], 1))).reshape(3, -1).T
-    return strips_needed(corners[:, None], width, view)

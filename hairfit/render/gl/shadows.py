@@ -35,9 +35,10 @@ class ShadowMaps:
             "BOX": 3 if style.filter == "box3" else 1,
             "CUBIC": int(style.interpolation == "cubic"),
         }
+        if self.adaptive:
+            names = (*names, "occupy")
         self.kernels = {
-            name: Kernel(context, f"{name}.comp", **constants)
-            for name in (*names, "occupy")
+            name: Kernel(context, f"{name}.comp", **constants) for name in names
         }
         texels = style.size**2
         self.buffers: dict[int, Any] = {
@@ -84,7 +85,9 @@ class ShadowMaps:
             "between": (float(slices[0]), float(slices[-1])),
             "unit": UNIT,
         }
-        if SEEN not in self.buffers or self.buffers[SEEN].size < 16 * count:
+        if SEEN in self.buffers and self.buffers[SEEN].size < 16 * count:
+            self.buffers.pop(SEEN).release()
+        if SEEN not in self.buffers:
             self.buffers[SEEN] = self.context.buffer(reserve=16 * max(count, 1))
         buffers = {**self.buffers, POINTS: points}
         self.run("see", count, buffers)

@@ -66,20 +66,19 @@ class Solid:
         if self.head is None:
             return
         program = self.programs["solid"]
-        limited = False
+        texture = None
         if background.depth is not None:
-            limited = True
             limit = np.minimum(background.depth, FAR).astype(np.float32)
             size = camera.width, camera.height
             texture = self.context.texture(size, 1, limit.tobytes(), dtype="f4")
             texture.use(location=2)
-            self.light["limit"] = texture
+        limited = texture is not None
         set_uniforms(program, {"limited": limited, "samples": n, "limit": 2})
         self.targets["both"].use()
         self.context.enable_only(moderngl.DEPTH_TEST)
         self.render(program, camera_view(camera), [(colour, "4f", "colour")])
-        if limited:
-            self.light.pop("limit").release()
+        if texture is not None:
+            texture.release()
 
     def draw_background(self, camera: Camera, background: Background) -> None:
         """Fill colour and depth, and clear the z-buffer."""
@@ -101,15 +100,7 @@ class Solid:
         """Draw the head's triangles into the target in use."""
         assert self.head is not None
         points, faces = self.mesh
-        depth = see_all(np.asarray(self.head.vertices, np.float64), view)[:, 2]
-        matrix = np.asarray(view.matrix, np.float64)
-        set_uniforms(
-            program,
-            {
-                "clip_from_world": clip_from_world(view, depth),
-                "depth_row": tuple(matrix[2]),
-            },
-        )
+        set_uniforms(program, projection(view, self.head.vertices))
         layout = [(points, "3f", "position"), *more]
         array = self.context.vertex_array(program, layout, faces)
         array.render()
@@ -167,6 +158,13 @@ class Solid:
                 thing.release()
         for buffer in self.mesh:
             buffer.release()
+
+
+def projection(view: View, points: Float[np.ndarray, "*points 3"]) -> dict[str, Any]:
+    """Return what a shader needs to know of a view that sees points."""
+    depth = see_all(np.asarray(points, np.float64), view)[..., 2].reshape(-1)
+    row = tuple(np.asarray(view.matrix, np.float64)[2])
+    return {"clip_from_world": clip_from_world(view, depth), "depth_row": row}
 
 
 def clip_from_world(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from hairfit.render.gl.buffers import point_rows
 from hairfit.render.gl.context import read
 from hairfit.render.gl.cover import Cover
 from hairfit.render.gl.frame import Frames
@@ -28,20 +29,13 @@ WIDTH = 0.0008
 TO_LIGHT = np.array([0.3, 0.8, 0.5])
 
 
-def rows_of(strands, width=WIDTH):
-    rows = np.zeros((*strands.shape[:2], 4), np.float32)
-    rows[..., :3] = strands
-    rows[:, :-1, 3] = width
-    return rows
-
-
 class Lit:
     """Maps of a scene, and what they let through to the strands' vertices."""
 
     def __init__(self, context, strands, view, style, known=None, head=None):
         self.flat = strands.astype(np.float32).astype(np.float64).reshape(-1, 3)
         count = len(self.flat)
-        points = context.buffer(rows_of(strands).tobytes())
+        points = context.buffer(point_rows(strands, WIDTH))
         out = context.buffer(reserve=8 * count)
         maps = ShadowMaps(context, style)
         depth = see_all(self.flat, view)[:, 2]
