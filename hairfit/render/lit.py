@@ -13,7 +13,7 @@ from ..types import Mesh
 from .lights import PointLight, knot_tangents, unit
 from .opacity_volume import OpacityConfig, opacity_volume
 from .phase import PhaseAngles, phase_angles
-from .raster import vertex_normals
+from .raster import share_to_faces, vertex_normals
 from .scene import HairLook, Light, Scene, head_places, light_view
 from .shading import Fibre, kajiya_kay
 from .shadow_style import ShadowStyle
@@ -130,11 +130,7 @@ def lit_past(
     face = surface.ray.intersects_first(start, towards)
     hidden = face >= 0
     if isinstance(light, PointLight):
-        corner = np.asarray(head.vertices, np.float64)[head.faces[face]]
-        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        along = np.einsum("ij,ij->i", towards, normal)
-        step = np.einsum("ij,ij->i", corner[:, 0] - start, normal)
-        hidden &= step / np.where(along == 0.0, np.inf, along) < distance - bias
+        hidden &= share_to_faces(head, face, start, towards) < distance - bias
     return ~hidden
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from .pieces import Pieces, cut_at_depths, hair_pieces
+from .pieces import Pieces, area_in_layers, cut_at_depths, hair_pieces
 from .view import View
 
 # A texel's hair at a single depth still needs layers that have a thickness, in metres.
@@ -102,8 +102,7 @@ def layered_maps(
         offset = np.broadcast_to(offsets[:, None, None], shape)
     at = pieces.row, pieces.column
     parts = cut_at_depths(pieces, near[at][:, None] + offset[:-1, *at].T)
-    texel = np.ravel_multi_index((parts.slab, *(k[parts.piece] for k in at)), shape)
-    added = np.bincount(texel, parts.area, int(np.prod(shape))).reshape(shape)
+    added = area_in_layers(pieces, parts, parts.slab, layers, view)
     return LayeredMaps(view, near, offset, np.cumsum(added, 0))
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from .pieces import cut_at_depths, hair_pieces
+from .pieces import area_in_layers, cut_at_depths, hair_pieces
 from .slices import slab_of
 from .view import View
 
@@ -92,11 +92,8 @@ def opacity_maps(
         raise ValueError(f"opacity maps need at least 2 depths, got {len(slices)}.")
     pieces = hair_pieces(points, width, view)
     parts = cut_at_depths(pieces, slices[1:-1])
-    shape = (len(slices) - 1, view.height, view.width)
-    at = parts.slab, pieces.row[parts.piece], pieces.column[parts.piece]
-    texel = np.ravel_multi_index(at, shape)
-    added = np.bincount(texel, parts.area, int(np.prod(shape))).reshape(shape)
-    opacity = np.concatenate([np.zeros((1, *shape[1:])), np.cumsum(added, 0)])
+    added = area_in_layers(pieces, parts, parts.slab, len(slices) - 1, view)
+    opacity = np.concatenate([np.zeros_like(added[:1]), np.cumsum(added, 0)])
     return OpacityMaps(view, slices, opacity)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .opacity_layers import Range
-from .pieces import cut_at_depths, hair_pieces
+from .pieces import area_in_layers, cut_at_depths, hair_pieces
 from .slices import uniform_slices
 from .view import View
 
@@ -100,9 +100,8 @@ def occupied_maps(
     rank = before[parts.slab, row, column]
     held = number[row, column]
     layer = layer_of_rank(np.minimum(rank, np.maximum(held - 1, 0)), held, layers)
-    opacity = np.zeros((layers, view.height, view.width))
-    np.add.at(opacity, (layer, row, column), parts.area)
-    return OccupiedMaps(view, borders, occupied, np.cumsum(opacity, 0))
+    added = area_in_layers(pieces, parts, layer, layers, view)
+    return OccupiedMaps(view, borders, occupied, np.cumsum(added, 0))
 
 
 def within(

@@ -231,6 +231,28 @@ def cut_at_depths(
     return Parts(piece, slab, share * pieces.area[piece])
 
 
+def area_in_layers(
+    pieces: Pieces,
+    parts: Parts,
+    layer: Int[np.ndarray, " parts"],
+    layers: int,
+    view: View,
+) -> Float[np.ndarray, "layers height width"]:
+    """Return the area of hair in each layer of each pixel.
+
+    Args:
+        pieces: Segments cut at the borders of pixels.
+        parts: The same cut further.
+        layer: Where each part counts.
+        layers: Number of layers.
+        view: What the pixels are of.
+    """
+    shape = layers, view.height, view.width
+    at = layer, pieces.row[parts.piece], pieces.column[parts.piece]
+    cell = np.ravel_multi_index(at, shape)
+    return np.bincount(cell, parts.area, int(np.prod(shape))).reshape(shape)
+
+
 def border_of(
     borders: np.ndarray, piece: Int[np.ndarray, " parts"], which: np.ndarray
 ) -> Float[np.ndarray, " parts"]:

@@ -252,17 +252,34 @@ def mesh_hits(mesh: Mesh, camera: Camera) -> Hits:
     origins = np.broadcast_to(eye, ray.shape)
     face = surface.ray.intersects_first(origins, ray)
     hit = np.where(face >= 0)[0]
-    corner = np.asarray(mesh.vertices, np.float64)[mesh.faces[face[hit]]]
-    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     # The z of `p_cam` is 1, so the share of `ray` up to the face's plane is the depth.
-    along = np.einsum("ij,ij->i", ray[hit], normal)
-    depth = np.einsum("ij,ij->i", corner[:, 0] - eye, normal) / np.where(
-        along == 0.0, np.inf, along
-    )
+    depth = share_to_faces(mesh, face[hit], eye, ray[hit])
     ahead = depth > NEAR
     at = row[hit[ahead]], column[hit[ahead]]
     out.depth[at], out.face[at] = depth[ahead], face[hit[ahead]]
     return out
+
+
+def share_to_faces(
+    mesh: Mesh,
+    face: Int[np.ndarray, " rays"],
+    start: Float[np.ndarray, "*starts 3"],
+    ray: Float[np.ndarray, "rays 3"],
+) -> Float[np.ndarray, " rays"]:
+    """Return which share of each ray leads to its face's plane; 0 if it never meets it.
+
+    Args:
+        mesh: The mesh.
+        face: The face of each ray.
+        start: Where rays start: one place for all, or one a ray.
+        ray: Their directions, of any length.
+    """
+    corner = np.asarray(mesh.vertices, np.float64)[mesh.faces[face]]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    along = np.einsum("ij,ij->i", ray, normal)
+    return np.einsum("ij,ij->i", corner[:, 0] - start, normal) / np.where(
+        along == 0.0, np.inf, along
+    )
 
 
 def window(mesh: Mesh, camera: Camera) -> tuple[slice, slice]:
