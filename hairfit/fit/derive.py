@@ -1,5 +1,7 @@
 """Strands of a tree that stay out of the head."""
 
+from typing import NamedTuple
+
 import jax
 import numpy as np
 from jaxtyping import Float, Int
@@ -18,6 +20,8 @@ DEEPEST = 0.0007
 HIGHEST_ROOT = 0.0018  # metres above the skin
 PIECES = 24  # a segment near the skin is looked at in so many pieces
 SPARE = 1.03  # for strands that must go as a whole
+LIFTS = 6  # how often strands are lifted over corners that they would cut
+FARTHEST_LIFT = 0.004  # metres that a point is lifted each time, at most
 
 
 def derive_strands(
@@ -25,7 +29,8 @@ def derive_strands(
 ) -> Strands:
     """Return strands of a tree, laid onto the skin where they would run under it.
 
-    Where a strand dives into the head all the same, it ends.
+    Segments that would cut through a bulge of the skin are lifted over it. Where a
+    strand dives into the head all the same, it ends.
 
     Args:
         tree: The tree.
@@ -54,7 +59,7 @@ def _outside(
 ) -> Float[np.ndarray, "kept points 3"]:
     """Return the strands laid onto the skin, cut where they dive, without stubs."""
     points = strands.shape[1]
-    strands = push_out(head, strands.reshape(-1, 3), SKIN_GAP).reshape(strands.shape)
+    strands = lifted(strands, head)
     # As they will be stored: rounding may not push a point back in.
     strands = strands.astype(np.float32).astype(np.float64)
     last = last_outside(strands, head)
@@ -67,6 +72,65 @@ def _outside(
     return strands[keep]
 
 
+def lifted(
+    strands: Float[np.ndarray, "strands points 3"], head: Mesh
+) -> Float[np.ndarray, "strands points 3"]:
+    """Return strands whose points, and whose segments if some steps can do it, are out.
+
+    Both ends of a segment that runs under the skin move out by as much as its deepest
+    spot has to; roots stay.
+
+    Args:
+        strands: The strands, in metres.
+        head: The head.
+    """
+    strands = push_out(head, strands.reshape(-1, 3), SKIN_GAP).reshape(strands.shape)
+    left = np.arange(len(strands))
+    for _ in range(LIFTS):
+        dives = find_dives(strands[left], head)
+        if not len(dives.strand):
+            break
+        out = push_out(head, dives.spot, SKIN_GAP) - dives.spot
+        far = np.linalg.norm(out, axis=1, keepdims=True)
+        out *= np.minimum(1.0, FARTHEST_LIFT / np.maximum(far, 1e-9))
+        owner = left[dives.strand]
+        for end in (dives.segment, dives.segment + 1):
+            moves = end > 0
+            strands[owner[moves], end[moves]] += out[moves]
+        left = np.unique(owner)
+        some = strands[left]
+        some[:, 1:] = push_out(head, some[:, 1:].reshape(-1, 3), SKIN_GAP).reshape(
+            some[:, 1:].shape
+        )
+        strands[left] = some
+    return strands
+
+
+class Dives(NamedTuple):
+    """Segments of strands that run under the skin, and the deepest spot of each."""
+
+    strand: Int[np.ndarray, " dives"]
+    segment: Int[np.ndarray, " dives"]
+    spot: Float[np.ndarray, "dives 3"]
+
+
+def find_dives(strands: Float[np.ndarray, "strands points 3"], head: Mesh) -> Dives:
+    """Return the segments that run deeper in the head than is let pass."""
+    count, points = strands.shape[:2]
+    skin = signed_distance(head, strands.reshape(-1, 3)).reshape(count, points)
+    start, step = strands[:, :-1], np.diff(strands, axis=1)
+    length = np.linalg.norm(step, axis=2)
+    # Distance changes by no more than one walks: the others cannot get there.
+    near = skin[:, 1:] + skin[:, :-1] < length - 2.0 * DEEPEST
+    strand, segment = np.nonzero(near)
+    share = np.arange(1, PIECES + 1) / PIECES
+    spots = start[near][:, None] + share[None, :, None] * step[near][:, None]
+    depth = signed_distance(head, spots.reshape(-1, 3)).reshape(-1, PIECES)
+    deepest = depth.argmin(axis=1)
+    row = np.flatnonzero(depth.min(axis=1) < -DEEPEST)
+    return Dives(strand[row], segment[row], spots[row, deepest[row]])
+
+
 def last_outside(
     strands: Float[np.ndarray, "strands points 3"], head: Mesh
 ) -> Int[np.ndarray, " strands"]:
@@ -74,18 +138,9 @@ def last_outside(
     count, points = strands.shape[:2]
     if not count:
         return np.zeros(0, int)
-    skin = signed_distance(head, strands.reshape(-1, 3)).reshape(count, points)
-    start, step = strands[:, :-1], np.diff(strands, axis=1)
-    length = np.linalg.norm(step, axis=2)
-    # The middle of a longer segment than its ends are far may be inside.
-    near = np.minimum(skin[:, 1:], skin[:, :-1]) < 0.5 * length
-    strand, segment = np.nonzero(near)
-    share = np.arange(1, PIECES) / PIECES
-    between = start[near][:, None] + share[None, :, None] * step[near][:, None]
-    depth = signed_distance(head, between.reshape(-1, 3)).reshape(-1, PIECES - 1)
-    dives = skin[:, 1:] < -DEEPEST
-    dives[strand, segment] |= depth.min(axis=1) < -DEEPEST
+    dives = find_dives(strands, head)
+    first = np.full(count, points - 1)
+    np.minimum.at(first, dives.strand, dives.segment)
     # The patch is smooth and leaves out the mesh's pits: no hair grows over these.
-    rooted = (skin[:, 0] >= -DEEPEST) & (skin[:, 0] <= HIGHEST_ROOT)
-    first = np.where(dives.any(axis=1), dives.argmax(axis=1), points - 1)
-    return np.where(rooted, first, 0)
+    height = signed_distance(head, strands[:, 0])
+    return np.where((height >= -DEEPEST) & (height <= HIGHEST_ROOT), first, 0)

@@ -11,8 +11,11 @@ from scipy import ndimage
 
 from ..model.vector import unit
 from .evidence import Field
-from .grid import corners, trilinear
+from .grid import corners, trilinear, trilinear_many
 from .hull import Hull
+
+# Of the scalp's normal in a strand's first direction, against the flow's.
+LIFT = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,6 +33,10 @@ class GrowConfig:
     """Cosine to the hull's normal from which leaving it is an end, no grazing."""
     stiffness: float = 0.3
     """Share of the last direction that a strand keeps where the field is sure."""
+    steer: float = 0.5
+    """Share of the flow, against the last direction, in choosing the field's sign."""
+    spread: float = 0.15
+    """Share of the flow across the field that strands follow, to fill the hull."""
 
 
 class _State(NamedTuple):
@@ -41,6 +48,7 @@ class _State(NamedTuple):
 def grow(
     hull: Hull,
     field: Field,
+    flow: Float[np.ndarray, "x y z 3"],
     roots: Float[np.ndarray, "strands 3"],
     normals: Float[np.ndarray, "strands 3"],
     knots: int,
@@ -48,13 +56,14 @@ def grow(
 ) -> Float[np.ndarray, "strands knots 3"]:
     """Return strands that start at the roots and follow the field to their tips.
 
-    The field has no sign: a strand goes on in the sense in which it came, first away
-    from the scalp. It slides along the hull where it leaves it at a low angle, and ends
-    where it leaves it steeply.
+    The field has no sign: a strand takes that of the flow and of the sense in which it
+    came. It slides along the hull where it leaves it at a low angle, and ends where it
+    leaves it steeply.
 
     Args:
         hull: Where hair can be.
         field: Directions without sign.
+        flow: Unit direction of growth in every voxel, from `flow.hair_flow`.
         roots: Where strands start, in metres.
         normals: Unit normals of the scalp there.
         knots: Points a strand, at equal distances along it.
@@ -69,7 +78,9 @@ def grow(
     distance = ndimage.gaussian_filter(hull.distance, 0.7)
     head = ndimage.gaussian_filter(hull.head, 0.7)
     channels = [distance, *_unit_gradient(distance), head, *_unit_gradient(head)]
-    lines = np.concatenate([field.direction, field.anisotropy[..., None]], axis=-1)
+    lines = np.concatenate(
+        [field.direction, field.anisotropy[..., None], flow], axis=-1
+    )
     path = _trace(
         jnp.asarray(np.stack(channels, axis=-1), jnp.float32),
         jnp.asarray(lines, jnp.float32),
@@ -111,7 +122,7 @@ def _unit_gradient(values: Float[np.ndarray, "x y z"]) -> list[np.ndarray]:
 @jax.jit(static_argnames="config")
 def _trace(
     channels: Float[Array, "x y z 8"],
-    lines: Float[Array, "x y z 4"],
+    lines: Float[Array, "x y z 7"],
     origin: Float[Array, " 3"],
     spacing: Float[Array, ""],
     roots: Float[Array, "strands 3"],
@@ -123,11 +134,14 @@ def _trace(
     def heading(point, last):
         index, weight = corners(lines.shape[:3], origin, spacing, point)
         near = lines[index[:, 0], index[:, 1], index[:, 2]]
-        sign = jnp.where(near[:, :3] @ last < 0, -1.0, 1.0)
+        sense = (1.0 - config.steer) * last[None] + config.steer * near[:, 4:]
+        sign = jnp.where(jnp.sum(near[:, :3] * sense, axis=1) < 0, -1.0, 1.0)
         sure = weight * (near[:, 3] + 0.02)
-        mean = (sure * sign) @ near[:, :3]
+        mean = (sure * sign) @ near[:, :3] / jnp.maximum(jnp.sum(sure), 1e-6)
+        ahead, flow = unit(mean, last), weight @ near[:, 4:]
+        across = flow - (flow @ ahead) * ahead
         keep = config.stiffness + 0.5 * (1.0 - jnp.sum(sure))
-        return unit(mean / jnp.maximum(jnp.sum(sure), 1e-6) + keep * last, last)
+        return unit(mean + config.spread * across + keep * last, last)
 
     def one(point, last, alive):
         ahead = heading(point, last)
@@ -152,7 +166,9 @@ def _trace(
         return state, state.point
 
     start = roots + config.clearance * normals
-    state = _State(start, normals, jnp.ones(len(roots), bool))
+    flow = trilinear_many(lines[..., 4:], origin, spacing, start)
+    first = jax.vmap(unit)(flow + LIFT * normals, normals)
+    state = _State(start, first, jnp.ones(len(roots), bool))
     steps = int(config.longest / config.step)
     _, path = jax.lax.scan(advance, state, None, length=steps)
     return jnp.concatenate([start[None], path])

@@ -26,6 +26,7 @@ from .cluster import lay_clusters
 from .cylinders import Members, fit_cylinders
 from .derive import derive_strands
 from .evidence import diffuse, gather
+from .flow import hair_flow
 from .grow import GrowConfig, grow
 from .hull import Hull, carve
 from .prune import prune
@@ -223,7 +224,8 @@ def _grow(
         roots = np.asarray(jax.vmap(scalp_point, (None, 0))(scalp, uv), np.float64)
         normals = np.asarray(jax.vmap(scalp_normal, (None, 0))(scalp, uv), np.float64)
         step = GrowConfig(step=max(0.003, 0.8 * preset.spacing))
-        strands = grow(hull, field, roots, normals, preset.knots, step)
+        flow = hair_flow(hull, field, roots)
+        strands = grow(hull, field, flow, roots, normals, preset.knots, step)
         length = np.linalg.norm(np.diff(strands, axis=1), axis=2).sum(axis=1)
         some = length > SHORTEST
         saved = {"uv": np.asarray(uv, np.float64)[some], "strands": strands[some]}

@@ -31,6 +31,11 @@ def constant(hull, direction, seed=None):
     return Field(everywhere, np.ones(hull.grid.shape))
 
 
+def one_way(hull, direction):
+    """Return a flow of one direction."""
+    return constant(hull, direction).direction
+
+
 DOWN = np.tile([0.0, -1.0, 0.0], (5, 1))
 ROOTS = np.array(
     [[0, -0.01, 0], [0.02, -0.01, 0], [0, -0.02, 0.02], [-0.02, 0, 0], [0, 0, -0.02]],
@@ -44,7 +49,8 @@ def lengths(strands):
 
 def test_in_a_constant_field_strands_run_straight_to_the_end_of_the_hull():
     hull = tube()
-    strands = grow(hull, constant(hull, [0, 1, 0]), ROOTS, DOWN, 20)
+    field, flow = constant(hull, [0, 1, 0]), one_way(hull, [0, -1, 0])
+    strands = grow(hull, field, flow, ROOTS, DOWN, 20)
     assert np.allclose(strands[:, 0], ROOTS, atol=1e-9)
     assert np.abs(strands[:, :, [0, 2]] - ROOTS[:, None, [0, 2]]).max() < 1e-5
     expected = 0.2 + ROOTS[:, 1]
@@ -54,22 +60,37 @@ def test_in_a_constant_field_strands_run_straight_to_the_end_of_the_hull():
 def test_the_sign_of_the_field_does_not_matter():
     hull = tube()
     plain, mixed = (constant(hull, [0.1, 1, 0], seed) for seed in (None, 3))
-    one, other = (grow(hull, field, ROOTS, DOWN, 20) for field in (plain, mixed))
+    flow = one_way(hull, [0, -1, 0])
+    one, other = (grow(hull, f, flow, ROOTS, DOWN, 20) for f in (plain, mixed))
     assert np.allclose(one, other, atol=1e-5)
 
 
-def test_strands_leave_the_scalp_along_its_normal():
-    # The same field, and normals the other way: strands climb.
+def test_strands_take_the_sense_of_the_flow_against_the_scalps_normal():
     hull = tube()
     roots = ROOTS - [0.0, 0.1, 0.0]
-    up = grow(hull, constant(hull, [0, 1, 0]), roots, -DOWN, 10)
+    field, flow = constant(hull, [0, 1, 0], seed=1), one_way(hull, [0, 1, 0])
+    up = grow(hull, field, flow, roots, DOWN, 10)
     assert (up[:, -1, 1] > -0.02).all()
+
+
+def test_strands_spread_with_the_flow_by_the_share_that_is_asked_for():
+    hull = tube()
+    field, flow = constant(hull, [0, 1, 0]), one_way(hull, [0.6, -0.8, 0.0])
+    moved = []
+    for spread in (0.0, 0.2):
+        config = GrowConfig(spread=spread, longest=0.1)
+        strands = grow(hull, field, flow, ROOTS[:1], DOWN[:1], 10, config)
+        # The first direction is the flow's; it is forgotten halfway.
+        moved.append(strands[0, -1] - strands[0, 5])
+    assert abs(moved[0][0] / moved[0][1]) < 1e-4
+    # The last direction says nothing else: 0.2 of 0.6 across, against 1 along.
+    assert np.isclose(moved[1][0] / -moved[1][1], 0.2 * 0.6, rtol=0.05)
 
 
 def test_strands_slide_along_the_hull_where_they_leave_it_at_a_low_angle():
     hull = tube()
     field = constant(hull, [np.sin(0.3), -np.cos(0.3), 0.0])
-    strands = grow(hull, field, ROOTS, DOWN, 40)
+    strands = grow(hull, field, field.direction, ROOTS, DOWN, 40)
     assert np.hypot(strands[..., 0], strands[..., 2]).max() < 0.03 + 0.002 + SPACING
     assert (strands[:, -1, 1] < -0.19).all()
 
@@ -78,7 +99,8 @@ def test_strands_end_where_they_leave_the_hull_steeply():
     hull = tube()
     level = np.tile([1.0, 0.0, 0.0], (5, 1))
     roots = ROOTS * [0.5, 1.0, 0.5] - [0.0, 0.1, 0.0]
-    strands = grow(hull, constant(hull, [1, 0, 0]), roots, level, 20)
+    field = constant(hull, [1, 0, 0])
+    strands = grow(hull, field, field.direction, roots, level, 20)
     border = np.sqrt(0.03**2 - roots[:, 2] ** 2)
     assert np.abs(strands[:, -1, 0] - border).max() < 2 * CONFIG.step + CONFIG.slide
 
@@ -86,7 +108,8 @@ def test_strands_end_where_they_leave_the_hull_steeply():
 def test_no_strand_is_longer_than_the_longest():
     hull = tube()
     config = GrowConfig(longest=0.06)
-    strands = grow(hull, constant(hull, [0, 1, 0]), ROOTS, DOWN, 20, config)
+    field, flow = constant(hull, [0, 1, 0]), one_way(hull, [0, -1, 0])
+    strands = grow(hull, field, flow, ROOTS, DOWN, 20, config)
     # The path starts at the root, then above the skin.
     assert (lengths(strands) < 0.06 + config.clearance + 1e-6).all()
     assert (lengths(strands) > 0.055).all()
@@ -115,7 +138,10 @@ def test_strands_that_come_back_to_the_head_do_not_enter_it(azimuth):
     rng = np.random.default_rng(0)
     roots = meridian(rng.uniform(0.9, 1.3, 60), azimuth + rng.uniform(-0.1, 0.1, 60))
     normals = roots / RADIUS
-    strands = grow(hull, field, roots, normals, 60)
+    # Away from the axis, where all strands start.
+    outward = circle * np.sign(np.einsum("ij,j->i", circle, up))[:, None]
+    flow = outward.reshape(*shape, 3)
+    strands = grow(hull, field, flow, roots, normals, 60, GrowConfig(steer=0.0))
     away = np.linalg.norm(strands, axis=2)
     back = (away.max(axis=1) > RADIUS + 0.01) & (away[:, -1] < RADIUS + 0.005)
     assert back.mean() > 0.5

@@ -1,0 +1,131 @@
+r"""Which way hair grows along a field of directions that has no sign.
+
+Hair is conserved: what grows out of the scalp runs on until it ends somewhere farther
+out. So the field is taken as a conductor that lets hair pass along its direction alone.
+Each place at the scalp gives as much as any other, all places farther out take a little
+for the tips that end there, and the flow between has a sign, everywhere at once: away
+from partings, along the skull to a tie, out of it into a tail. It also says where hair
+must spread so that none of the hull stays empty, as the flow fills all of it.
+
+The flow is a potential's, $-K\nabla\varphi$ with
+$\lambda\varphi - \nabla\cdot(K\nabla\varphi) = q$: one symmetric linear system.
+Propagating signs from the scalp along a spanning tree, as Dr.Hair has it [CVPR 2024,
+arXiv 2403.17496], needs no system but decides neighbour by neighbour.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy import ndimage, sparse
+from scipy.sparse.linalg import cg
+from scipy.spatial import KDTree
+
+from .evidence import Field
+from .hull import Hull
+
+# How sharply hair runs along the direction: the exponent of the cosine between the
+# direction and the step to a neighbour.
+ALONG = 4
+ACROSS = 0.01  # conductance where the cosine is 0, against 1 along the direction
+SCALP_REACH = 2.0  # voxels from the scalp's samples where hair comes out
+# Hair ends nowhere nearer to the scalp than this, and everywhere alike beyond the
+# second. Metres.
+ENDS_FROM, ENDS_FULLY = 0.01, 0.03
+TRAVEL = 0.05  # metres that hair travels before tips take about two thirds of it
+STEPS = np.array(
+    [
+        (i, j, k)
+        for i in (-1, 0, 1)
+        for j in (-1, 0, 1)
+        for k in (-1, 0, 1)
+        if (i, j, k) > (0, 0, 0)
+    ]
+)
+TOLERANCE = 1e-4
+MOST_STEPS = 3000
+
+
+class Links(NamedTuple):
+    """Pairs of neighbouring voxels, each once."""
+
+    first: Int[np.ndarray, " links"]
+    second: Int[np.ndarray, " links"]
+    weight: Float[np.ndarray, " links"]
+    step: Float[np.ndarray, "links 3"]
+
+
+def hair_flow(
+    hull: Hull, field: Field, scalp_points: Float[np.ndarray, "points 3"]
+) -> Float[np.ndarray, "x y z 3"]:
+    """Return the unit direction of growth in every voxel, also outside the hair.
+
+    Args:
+        hull: Where hair can be.
+        field: Directions without sign.
+        scalp_points: Points all over the scalp where hair grows, in metres.
+    """
+    links = _links(hull, field)
+    spacing = hull.grid.spacing
+    away = KDTree(scalp_points).query(hull.grid.centres(hull.hair))[0]
+    ends = np.clip((away - ENDS_FROM) / (ENDS_FULLY - ENDS_FROM), 0.0, 1.0)
+    # A little everywhere, so that pieces of hair without scalp are decided as well.
+    takes = (spacing / TRAVEL) ** 2 * ends + 1e-6
+    gives = (away < SCALP_REACH * spacing).astype(float)
+    potential = solve_potential(links, takes, gives)
+    flow = np.zeros((len(away), 3))
+    share = links.weight * (potential[links.first] - potential[links.second])
+    moved = share[:, None] * links.step
+    for axis in range(3):
+        for end in (links.first, links.second):
+            flow[:, axis] += np.bincount(end, moved[:, axis], minlength=len(away))
+    flow /= np.maximum(np.linalg.norm(flow, axis=1, keepdims=True), 1e-30)
+    out = np.zeros((*hull.grid.shape, 3))
+    out[hull.hair] = flow
+    nearest = ndimage.distance_transform_edt(
+        ~hull.hair, return_distances=False, return_indices=True
+    )
+    return out[tuple(nearest)]
+
+
+def _links(hull: Hull, field: Field) -> Links:
+    """Return the conductances between each voxel of hair and its 26 neighbours."""
+    index = np.argwhere(hull.hair)
+    direction = field.direction[hull.hair]
+    row = np.full(tuple(np.array(hull.hair.shape) + 2), -1)
+    row[tuple((index + 1).T)] = np.arange(len(index))
+    parts = []
+    for step in STEPS:
+        neighbour = row[tuple((index + 1 + step).T)]
+        first = np.flatnonzero(neighbour >= 0)
+        second = neighbour[first]
+        square = float(step @ step)
+        along = step / np.sqrt(square)
+        cosines = np.abs(direction @ along) ** ALONG
+        weight = (0.5 * (cosines[first] + cosines[second]) + ACROSS) / square
+        parts.append((first, second, weight, np.tile(along, (len(first), 1))))
+    return Links(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def solve_potential(
+    links: Links,
+    takes: Float[np.ndarray, " voxels"],
+    gives: Float[np.ndarray, " voxels"],
+) -> Float[np.ndarray, " voxels"]:
+    """Return the potential at which every voxel gives on what it gets."""
+    count = len(takes)
+    rows = np.concatenate([links.first, links.second])
+    columns = np.concatenate([links.second, links.first])
+    weight = np.concatenate([links.weight, links.weight])
+    between = sparse.csr_matrix((weight, (rows, columns)), shape=(count, count))
+    diagonal = np.bincount(rows, weight, minlength=count) + takes
+    system = sparse.diags(diagonal) - between
+    # What is not solved to the end is a direction slightly wrong, far from the scalp.
+    potential, _ = cg(
+        system,
+        gives,
+        rtol=TOLERANCE,
+        maxiter=MOST_STEPS,
+        M=sparse.diags(1.0 / diagonal),
+    )
+    return potential

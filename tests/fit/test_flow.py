@@ -1,0 +1,90 @@
+import numpy as np
+import pytest
+from ball_hair import hull_where
+
+from hairfit.fit.evidence import Field
+from hairfit.fit.flow import Links, hair_flow, solve_potential
+
+SPACING = 0.004
+
+
+def signless(hull, direction, seed=0):
+    """Return a field along `direction` of every voxel, its signs at random."""
+    unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], hull.grid.shape)
+    return Field(unit * signs[..., None], np.ones(hull.grid.shape))
+
+
+def all_centres(hull):
+    everywhere = np.ones(hull.grid.shape, bool)
+    return hull.grid.centres(everywhere).reshape(*hull.grid.shape, 3)
+
+
+def scalp_at(height, half=0.08, step=0.003):
+    side = np.arange(-half, half, step)
+    x, z = np.meshgrid(side, side)
+    return np.stack([x, np.full_like(x, height), z], axis=-1).reshape(-1, 3)
+
+
+def test_hair_hangs_down_from_a_scalp_on_top_whatever_the_signs():
+    hull = hull_where(
+        lambda p: (np.hypot(p[:, 0], p[:, 2]) < 0.03) & (p[:, 1] > -0.15),
+        [-0.04, -0.16, -0.04],
+        [0.04, 0.0, 0.04],
+        SPACING,
+    )
+    field = signless(hull, np.tile([0.0, 1.0, 0.0], (*hull.grid.shape, 1)))
+    flow = hair_flow(hull, field, scalp_at(0.0))
+    assert (flow[hull.hair][:, 1] < -0.9).all()
+    assert np.allclose(np.linalg.norm(flow, axis=-1), 1.0)
+
+
+def test_hair_on_a_flat_scalp_flows_to_the_side_where_it_hangs():
+    # A plate of hair lies on a scalp; over one border alone it hangs down.
+    def inside(p):
+        plate = (np.abs(p[:, 1]) < 0.008) & (np.abs(p[:, 0]) < 0.06)
+        curtain = (np.abs(p[:, 0] - 0.052) < 0.008) & (p[:, 1] < 0) & (p[:, 1] > -0.12)
+        return (plate | curtain) & (np.abs(p[:, 2]) < 0.03)
+
+    hull = hull_where(inside, [-0.07, -0.13, -0.04], [0.07, 0.02, 0.04], SPACING)
+    centres = all_centres(hull)
+    hangs = (centres[..., 0] > 0.044) & (centres[..., 1] < -0.004)
+    along = np.where(hangs[..., None], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
+    field = signless(hull, along)
+    flow = hair_flow(hull, field, scalp_at(-0.008, half=0.04))
+    lies = hull.hair & (np.abs(centres[..., 0]) < 0.03)
+    assert (flow[lies][:, 0] > 0.5).mean() > 0.95
+    assert (flow[hull.hair & hangs][:, 1] < -0.5).mean() > 0.95
+
+
+def test_hair_on_a_cap_parts_where_both_ways_out_are_alike():
+    # Hair over a roof that hangs down on both sides.
+    def inside(p):
+        plate = (np.abs(p[:, 1]) < 0.008) & (np.abs(p[:, 0]) < 0.06)
+        curtain = (np.abs(np.abs(p[:, 0]) - 0.052) < 0.008) & (p[:, 1] < 0)
+        return (plate | curtain & (p[:, 1] > -0.12)) & (np.abs(p[:, 2]) < 0.03)
+
+    hull = hull_where(inside, [-0.07, -0.13, -0.04], [0.07, 0.02, 0.04], SPACING)
+    centres = all_centres(hull)
+    hangs = (np.abs(centres[..., 0]) > 0.044) & (centres[..., 1] < -0.004)
+    along = np.where(hangs[..., None], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
+    flow = hair_flow(hull, signless(hull, along), scalp_at(-0.008, half=0.04))
+    lies = hull.hair & ~hangs & (np.abs(centres[..., 0]) > 0.008)
+    outward = flow[lies][:, 0] * np.sign(centres[lies][:, 0])
+    assert (outward[np.abs(centres[lies][:, 0]) < 0.044] > 0).all()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_potential_gives_on_what_it_gets(seed):
+    rng = np.random.default_rng(seed)
+    first, second = np.triu_indices(12, 1)
+    weight = rng.uniform(0.0, 1.0, len(first))
+    links = Links(first, second, weight, np.zeros((len(first), 3)))
+    takes, gives = rng.uniform(0.01, 0.1, 12), rng.uniform(0.0, 1.0, 12)
+    found = solve_potential(links, takes, gives)
+    dense = np.diag(takes)
+    for i, j, w in zip(first, second, weight, strict=True):
+        dense[[i, j], [i, j]] += w
+        dense[[i, j], [j, i]] -= w
+    assert np.allclose(dense @ found, gives, atol=1e-3)
+    assert np.isclose((takes * found).sum(), gives.sum(), rtol=1e-3)
