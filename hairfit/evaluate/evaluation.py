@@ -10,6 +10,7 @@ from jaxtyping import Bool
 from ..capture.capture import View
 from ..types import Mesh, Strands
 from .consistency import strand_consistency
+from .curls import CurlErrors, compare_curls
 from .inside import HeadErrors, compare_with_head
 from .match import THRESHOLDS, Matches, Rates, Score, find_matches, summarise
 from .photographs import PhotographErrors, compare_with_photograph
@@ -28,6 +29,7 @@ class Evaluation:
         interior: Scores over those that none sees; None without photographs.
         consistency: Strand consistency at each threshold.
         shape: Errors of lengths and curvatures.
+        curls: Waves and curls of both.
         head: How strands meet the head; None without a head.
         photographs: How strands fit each photograph; None without photographs.
     """
@@ -37,6 +39,7 @@ class Evaluation:
     interior: tuple[Score, ...] | None
     consistency: tuple[float, ...]
     shape: ShapeErrors
+    curls: CurlErrors
     head: HeadErrors | None
     photographs: tuple[PhotographErrors, ...] | None
 
@@ -60,6 +63,7 @@ class Evaluation:
             "median_curvature_per_m": shape.median_curvature,
             "curvature_per_m": shape.curvature,
         }
+        figures["curls"] = curls_dict(self.curls)
         figures["head"] = self.head and {
             "share_inside": self.head.share_inside,
             "points_deeper_than_1mm": self.head.deep,
@@ -102,6 +106,13 @@ class Evaluation:
                 ("median curvature", f"{self.shape.median_curvature:+.2f} /m"),
                 ("curvature, at quantiles", f"{self.shape.curvature:.2f} /m"),
             ]
+        curls = self.curls
+        shares = f"{100 * curls.share:.1f} %, true {100 * curls.true_share:.1f} %"
+        rows += [
+            ("strands that curl", shares),
+            ("radius of curls", compare_text(curls.radius, curls.true_radius)),
+            ("pitch of curls", compare_text(curls.pitch, curls.true_pitch)),
+        ]
         if self.head is not None:
             rows += [
                 ("inside the head", f"{100 * self.head.share_inside:.2f} %"),
@@ -155,9 +166,33 @@ def evaluate(
         interior=interior,
         consistency=strand_consistency(pred, true),
         shape=compare_shapes(strands, truth),
+        curls=compare_curls(strands, truth),
         head=None if head is None else compare_with_head(strands, pred, head),
         photographs=photographs,
     )
+
+
+def curls_dict(curls: CurlErrors) -> dict[str, float | None]:
+    """Return the figures of waves and curls by name."""
+    return {
+        "share": curls.share,
+        "true_share": curls.true_share,
+        "median_radius_m": curls.radius,
+        "true_median_radius_m": curls.true_radius,
+        "median_radius_relative": curls.radius_error,
+        "median_pitch_m": curls.pitch,
+        "true_median_pitch_m": curls.true_pitch,
+        "median_pitch_relative": curls.pitch_error,
+    }
+
+
+def compare_text(found: float | None, true: float | None) -> str:
+    """Return a length and the true one as text, in millimetres."""
+    one, other = (
+        "none" if length is None else f"{1e3 * length:.1f} mm"
+        for length in (found, true)
+    )
+    return f"{one}, true {other}"
 
 
 def keep(matches: Matches, mask: Bool[np.ndarray, " samples"]) -> Matches:
