@@ -19,7 +19,10 @@ from .visibility import even_strands
 LEAST_RADIUS = 3e-4
 """What deviates less from its centre line is straight, in metres."""
 
-LEAST_PERIODS = 2.0
+LEAST_ANGLE_DEG = 10.0
+"""A strand that never runs at such an angle to its centre line is straight."""
+
+LEAST_PERIODS = 2.5
 """A strand that holds fewer periods is bent, not curled."""
 
 LEAST_POINTS = 4
@@ -118,7 +121,7 @@ def find_curls(strands: Strands) -> Curls:
     """Return the waves and curls of strands.
 
     Turns of fewer than four points are not found, and strands that hold fewer than two
-    turns count as straight.
+    and a half turns count as straight.
 
     Args:
         strands: The strands, of which at least one has two points or more.
@@ -157,10 +160,10 @@ def curls_of_rows(points: Float[np.ndarray, "strands knots 3"]) -> Curls:
     # Where a strand curls most it has decided its period, too.
     steps = np.linalg.norm(np.gradient(centre, axis=1), axis=2)
     advance = (steps * weight).sum(1) / np.maximum(weight.sum(1), 1e-30)
-    curled = (peak.share >= LEAST_SHARE) & (radius >= LEAST_RADIUS)
-    return Curls(
-        radius.astype(np.float64), (period * advance).astype(np.float64), curled
-    )
+    pitch = period * advance
+    steep = 2.0 * np.pi * radius >= np.tan(np.radians(LEAST_ANGLE_DEG)) * pitch
+    curled = (peak.share >= LEAST_SHARE) & (radius >= LEAST_RADIUS) & steep
+    return Curls(radius.astype(np.float64), pitch.astype(np.float64), curled)
 
 
 def along_evenly(

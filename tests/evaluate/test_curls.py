@@ -57,12 +57,12 @@ def test_points_that_are_too_few_show_no_curl():
     assert not one(curl(0.005, 0.02, length=0.205, knots=31))[2]
 
 
-def test_two_and_a_half_turns_are_enough_and_one_and_a_half_are_not():
-    radius, pitch, curled = one(curl(0.004, 0.04, length=0.10))
+def test_three_turns_are_enough_and_two_are_not():
+    radius, pitch, curled = one(curl(0.004, 0.04, length=0.12))
     assert curled
     assert radius == pytest.approx(0.004, rel=0.06)
     assert pitch == pytest.approx(0.04, rel=0.04)
-    assert not one(curl(0.004, 0.04, length=0.06))[2]
+    assert not one(curl(0.004, 0.04, length=0.08))[2]
 
 
 @pytest.mark.parametrize("flat", [False, True], ids=["helix", "wave"])
@@ -95,8 +95,14 @@ def test_straight_strands_do_not_curl(points):
 
 
 def test_what_deviates_by_a_fifth_of_a_millimetre_is_straight():
-    assert not one(curl(0.0002, 0.03))[2]
-    assert one(curl(0.0004, 0.03))[2]
+    assert not one(curl(0.0002, 0.007, length=0.1, knots=100))[2]
+    assert one(curl(0.0004, 0.007, length=0.1, knots=100))[2]
+
+
+def test_a_wave_of_eight_degrees_is_straight_and_one_of_twelve_is_not():
+    for angle, curls in ((8.0, False), (12.0, True)):
+        radius = 0.03 * np.tan(np.radians(angle)) / (2 * np.pi)
+        assert one(curl(radius, 0.03, flat=True))[2] == curls
 
 
 def test_hair_without_a_period_does_not_curl():
