@@ -111,7 +111,7 @@ SCENES: dict[str, Recipe] = {
     "straight": Recipe("straight", BLACK, TAN, STUDIO, LARGE, 0.004),
     "wavy": Recipe("wavy", DARK_BLOND, PALE, WINDOW, MIDDLE, 0.008, seed=1),
     "curly": Recipe("curly", RED, PALE, STUDIO, HUGE, 0.003, seed=2),
-    "ponytail": Recipe("ponytail", BROWN, TAN, EVENING, MIDDLE, 0.006, seed=3),
+    "tied": Recipe("ponytail", BROWN, TAN, EVENING, MIDDLE, 0.006, seed=3),
     "bob": Recipe("gallery:bob", DARK, PALE, OVERCAST, LARGE, 0.004, seed=4),
     "pixie": Recipe(
         "gallery:pixie", BLOND, PALE, STUDIO, MIDDLE, 0.005, 14_000, 32, seed=5
