@@ -1,10 +1,12 @@
 """One run of the accuracy benchmark: a fit by the command line, and its figures."""
 
 import dataclasses
+import functools
 import hashlib
 import json
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -123,6 +125,7 @@ def call_hairfit(*words: str) -> Ran:
     return Ran(found, seconds, usage.ru_maxrss / 1e6)
 
 
+@functools.cache
 def code_digest() -> str:
     """Return a checksum of the package's code."""
     package = pathlib.Path(hairfit.__file__).parent
@@ -148,6 +151,9 @@ def do_run(run: Run, out: pathlib.Path) -> dict[str, float]:
             return kept["figures"]
     result = result_folder(run, out)
     views = ",".join(fitted_views(run))
+    # A fit that is taken up where it was stopped would have only the rest of its time.
+    for folder in (result, result.with_name(result.name + ".partial")):
+        shutil.rmtree(folder, ignore_errors=True)
     fit = call_hairfit(
         *("fit", str(run.capture), "--out", str(result), "--views", views),
         *("--quality", run.quality, "--seed", str(run.seed)),
