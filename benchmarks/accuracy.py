@@ -32,7 +32,7 @@ from accuracy_gate import (
 from accuracy_page import write_page
 from accuracy_run import SUBSETS, Run, RunFailed, do_run, result_folder
 from accuracy_table import gather, markdown
-from scenes import SCENES, make_scene
+from scenes import SCENES, make_apart
 from strands import machine
 
 CAPTURES = pathlib.Path(__file__).parents[2] / "shared" / "captures"
@@ -116,8 +116,7 @@ def find_captures(names: Sequence[str], scenes: pathlib.Path) -> list[pathlib.Pa
     folders = []
     for name in names or every:
         if name in SCENES:
-            print(f"scene {name}", file=sys.stderr)
-            folders.append(make_scene(name, scenes))
+            folders.append(make_apart(name, scenes))
         elif name in REFERENCES:
             folders.append(CAPTURES / name)
         else:

@@ -5,7 +5,7 @@ import pathlib
 from collections.abc import Sequence
 
 import numpy as np
-from accuracy_run import Run, held_back_views, result_folder
+from accuracy_run import Run, held_back_views, result_folder, view_names
 from accuracy_table import COLUMNS, Group
 from jaxtyping import UInt8
 
@@ -57,7 +57,7 @@ def write_page(
 
 def shown_views(run: Run) -> list[str]:
     """Return the shown photographs that the capture has."""
-    return [name for name in SHOWN if (run.capture / f"images/{name}.png").is_file()]
+    return [name for name in SHOWN if name in view_names(run.capture)]
 
 
 def picture_paths(run: Run, name: str, out: pathlib.Path) -> list[pathlib.Path]:

@@ -72,10 +72,10 @@ COLUMNS = (
         " %",
     ),
     Column("points deeper than 1 mm", ("head.points_deeper_than_1mm",), 1.0, 0),
-    Column("fitted photographs: angle", ("fitted.median_angle_deg",), 1.0, 1, "°"),
-    Column("IoU", ("fitted.hair_iou",), 100.0),
+    Column("fitted: angle", ("fitted.median_angle_deg",), 1.0, 1, "°"),
+    Column("fitted: IoU", ("fitted.hair_iou",), 100.0),
     Column("held back: angle", ("held_back.median_angle_deg",), 1.0, 1, "°"),
-    Column("IoU", ("held_back.hair_iou",), 100.0),
+    Column("held back: IoU", ("held_back.hair_iou",), 100.0),
     Column("seconds", ("seconds",), 1.0, 0),
     Column("memory, GB", ("memory_gb",)),
 )

@@ -8,6 +8,8 @@ and noise, in 12 views: 8 on a ring and 4 higher. The same recipe gives the same
 import argparse
 import dataclasses
 import hashlib
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -136,8 +138,8 @@ SCENES: dict[str, Recipe] = {
 }
 
 
-def make_scene(name: str, cache: Path) -> Path:
-    """Return the folder of a synthetic capture, which is made if it is not there yet.
+def scene_folder(name: str, cache: Path) -> Path:
+    """Return where the capture of a scene is, or will be.
 
     The folder's name is the scene's; the one above it is a checksum of the recipe, so
     that a changed recipe is not answered with an old capture.
@@ -153,12 +155,39 @@ def make_scene(name: str, cache: Path) -> Path:
         raise InputError(
             f"there is no scene {name!r}; take one of {', '.join(SCENES)}."
         )
-    recipe = SCENES[name]
-    digest = hashlib.sha256(repr(recipe).encode()).hexdigest()[:12]
-    folder = Path(cache) / digest / name
+    digest = hashlib.sha256(repr(SCENES[name]).encode()).hexdigest()[:12]
+    return Path(cache) / digest / name
+
+
+def make_scene(name: str, cache: Path) -> Path:
+    """Return the folder of a synthetic capture, which is made if it is not there yet.
+
+    Args:
+        name: One of `SCENES`.
+        cache: Folder of all scenes.
+
+    Raises:
+        InputError: If there is no such scene.
+    """
+    folder = scene_folder(name, cache)
     if not folder.is_dir():
+        recipe = SCENES[name]
         folder.parent.mkdir(parents=True, exist_ok=True)
         write_capture(recipe.tree(), make_subject().head, folder, recipe.scene())
+    return folder
+
+
+def make_apart(name: str, cache: Path) -> Path:
+    """Make a scene in a process of its own, which gives back the memory it took.
+
+    Raises:
+        InputError: If there is no such scene.
+        CalledProcessError: If it could not be made.
+    """
+    folder = scene_folder(name, cache)
+    if not folder.is_dir():
+        words = [sys.executable, __file__, str(cache), name]
+        subprocess.run(words, check=True, stdout=sys.stderr)
     return folder
 
 

@@ -55,3 +55,8 @@ def test_the_table_has_a_row_a_group_and_one_for_their_mean():
     f = [line.split("|")[2].strip() for line in lines]
     assert f[2] == ", ".join(["50.0 ± 35.4"] * 3)
     assert f[5] == "25.0, 25.0, 25.0"
+
+
+def test_no_two_columns_have_one_title():
+    titles = [column.title for column in COLUMNS]
+    assert len(set(titles)) == len(titles)
