@@ -30,7 +30,7 @@ from accuracy_gate import (
     write_baseline,
 )
 from accuracy_page import write_page
-from accuracy_run import SUBSETS, Run, RunFailed, do_run, result_folder
+from accuracy_run import PACKAGE, SUBSETS, Run, RunFailed, do_run, result_folder
 from accuracy_table import gather, markdown
 from scenes import SCENES, make_apart
 from strands import machine
@@ -47,7 +47,7 @@ def main() -> int:
     if given.gate:
         read_baseline(given.baseline)  # Before hours of fits, not after them.
     captures = find_captures(given.captures, given.scenes or out / "scenes")
-    print(f"{machine()}; results in {out}", file=sys.stderr)
+    print(f"{machine()}; code in {PACKAGE}; results in {out}", file=sys.stderr)
     runs: Runs = {}
     failed: list[str] = []
     shown: dict[str, Run] = {}

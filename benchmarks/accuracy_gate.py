@@ -23,7 +23,7 @@ TOLERANCES: dict[str, dict[str, float]] = {
     "interior.3mm_30deg.unsigned.f": {"fall": 0.015},
     "consistency.3mm_30deg": {"fall": 0.02},
     "shape.median_length_relative": {"away": 0.05},
-    "curls.share": {"fall": 0.05},
+    "curls.share_error": {"away": 0.05},
     "curls.median_radius_relative": {"away": 0.10},
     "curls.median_pitch_relative": {"away": 0.10},
     "head.points_deeper_than_1mm": {"rise": 5.0},

@@ -23,8 +23,11 @@ from hairfit.evaluate.visibility import even_strands, look
 from hairfit.io.atomic import atomic_path
 from hairfit.report.hairstyles import read_strands
 
+PACKAGE = pathlib.Path(hairfit.__file__).parent
+# -P: not what happens to be in the working folder, but the package that is measured.
 COMMAND = (
     sys.executable,
+    "-P",
     "-c",
     "from hairfit.cli import main; raise SystemExit(main())",
 )
@@ -104,6 +107,13 @@ def held_back_views(run: Run) -> list[str]:
     return [name for name in view_names(run.capture) if name not in fitted]
 
 
+def environment() -> dict[str, str]:
+    """Return the environment in which commands find the package that is measured."""
+    others = os.environ.get("PYTHONPATH")
+    path = [str(PACKAGE.parent), *([others] if others else [])]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(path)}
+
+
 def call_hairfit(*words: str) -> Ran:
     """Run a command of hairfit in a process of its own.
 
@@ -113,7 +123,9 @@ def call_hairfit(*words: str) -> Ran:
     start = time.monotonic()
     with tempfile.TemporaryFile("w+") as output:
         process = subprocess.Popen(
-            [*COMMAND, *words, "--json", "--quiet"], stdout=output
+            [*COMMAND, *words, "--json", "--quiet"],
+            stdout=output,
+            env=environment(),
         )
         _, status, usage = os.wait4(process.pid, 0)
         seconds = time.monotonic() - start
@@ -128,11 +140,10 @@ def call_hairfit(*words: str) -> Ran:
 @functools.cache
 def code_digest() -> str:
     """Return a checksum of the package's code."""
-    package = pathlib.Path(hairfit.__file__).parent
     digest = hashlib.sha256()
-    for path in sorted(package.rglob("*")):
+    for path in sorted(PACKAGE.rglob("*")):
         if path.suffix in (".py", ".glsl"):
-            digest.update(str(path.relative_to(package)).encode())
+            digest.update(str(path.relative_to(PACKAGE)).encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -148,7 +159,7 @@ def do_run(run: Run, out: pathlib.Path) -> dict[str, float]:
     if path.is_file():
         kept = json.loads(path.read_text(encoding="utf-8"))
         if kept["code"] == code and kept["capture"] == str(run.capture.resolve()):
-            return kept["figures"]
+            return with_share_error(kept["figures"])
     result = result_folder(run, out)
     views = ",".join(fitted_views(run))
     # A fit that is taken up where it was stopped would have only the rest of its time.
@@ -179,7 +190,15 @@ def do_run(run: Run, out: pathlib.Path) -> dict[str, float]:
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(path) as partial:
         partial.write_text(json.dumps(text, indent=1) + "\n", encoding="utf-8")
-    return figures
+    return with_share_error(figures)
+
+
+def with_share_error(figures: dict[str, float]) -> dict[str, float]:
+    """Return figures with how many strands curl too many, as a share."""
+    shares = [figures.get(f"curls.{key}") for key in ("share", "true_share")]
+    if shares[0] is None or shares[1] is None:
+        return figures
+    return {**figures, "curls.share_error": shares[0] - shares[1]}
 
 
 def result_folder(run: Run, out: pathlib.Path) -> pathlib.Path:

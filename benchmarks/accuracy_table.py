@@ -63,7 +63,8 @@ COLUMNS = (
     Column("interior", scores("interior"), 100.0),
     Column("consistency at 3 mm", ("consistency.3mm_30deg",), 100.0),
     Column("median length", ("shape.median_length_relative",), 100.0, 1, " %"),
-    Column("strands that curl, true", ("curls.share", "curls.true_share"), 100.0, 0),
+    Column("true strands that curl", ("curls.true_share",), 100.0, 0, " %"),
+    Column("recovered ones, less these", ("curls.share_error",), 100.0, 0, " %"),
     Column(
         "radius, pitch of curls",
         ("curls.median_radius_relative", "curls.median_pitch_relative"),

@@ -112,7 +112,7 @@ SMALL, MIDDLE, LARGE, HUGE = (384, 512), (480, 640), (600, 800), (768, 960)
 SCENES: dict[str, Recipe] = {
     "straight": Recipe("straight", BLACK, TAN, STUDIO, LARGE, 0.004),
     "wavy": Recipe("wavy", DARK_BLOND, PALE, WINDOW, MIDDLE, 0.008, seed=1),
-    "curly": Recipe("curly", RED, PALE, STUDIO, HUGE, 0.003, seed=2),
+    "curly": Recipe("curly", RED, PALE, STUDIO, HUGE, 0.003, 8000, seed=2),
     "tied": Recipe("ponytail", BROWN, TAN, EVENING, MIDDLE, 0.006, seed=3),
     "bob": Recipe("gallery:bob", DARK, PALE, OVERCAST, LARGE, 0.004, seed=4),
     "pixie": Recipe(
@@ -122,18 +122,18 @@ SCENES: dict[str, Recipe] = {
         "gallery:afro", BLACK, DEEP, WINDOW, LARGE, 0.004, 12_000, 96, seed=6
     ),
     "long-wavy": Recipe(
-        "gallery:long-wavy", BROWN, TAN, OVERCAST, HUGE, 0.003, 10_000, 96, seed=7
+        "gallery:long-wavy", BROWN, TAN, OVERCAST, HUGE, 0.003, 8000, 80, seed=7
     ),
     "parted": Recipe("gallery:parted", GREY, TAN, FLASH, SMALL, 0.005, seed=8),
     "buzz-cut": Recipe(
-        "gallery:buzz-cut", DARK, TAN, EVENING, MIDDLE, 0.006, 24_000, 12, seed=9
+        "gallery:buzz-cut", DARK, TAN, EVENING, MIDDLE, 0.006, 18_000, 12, seed=9
     ),
     "mohawk": Recipe(
         "gallery:mohawk", RED, PALE, FLASH, MIDDLE, 0.004, 12_000, 32, seed=10
     ),
-    "bun": Recipe("gallery:bun", BLOND, TAN, EVENING, LARGE, 0.005, seed=11),
+    "bun": Recipe("gallery:bun", BLOND, TAN, EVENING, MIDDLE, 0.005, seed=11),
     "tight-curls": Recipe(
-        "gallery:tight-curls", DARK, DEEP, STUDIO, HUGE, 0.003, 10_000, 128, seed=12
+        "gallery:tight-curls", DARK, DEEP, STUDIO, LARGE, 0.003, 8000, 96, seed=12
     ),
 }
 

@@ -1,17 +1,22 @@
 import json
 import pathlib
+import subprocess
 
 import pytest
 from accuracy_run import (
+    COMMAND,
+    PACKAGE,
     SUBSETS,
     Run,
     RunFailed,
     code_digest,
     do_run,
+    environment,
     fitted_views,
     flat_figures,
     held_back_views,
     photograph_means,
+    with_share_error,
 )
 
 
@@ -93,3 +98,19 @@ def test_a_run_that_is_kept_is_not_done_again(capture, tmp_path, monkeypatch):
     path.write_text(json.dumps(kept | {"code": "of another day"}))
     with pytest.raises(RunFailed, match="fitted"):
         do_run(run, tmp_path / "out")
+
+
+def test_too_few_curls_are_an_error_below_zero():
+    figures = {"curls.share": 0.25, "curls.true_share": 1.0}
+    assert with_share_error(figures) == {**figures, "curls.share_error": -0.75}
+    assert with_share_error({"f": 0.5}) == {"f": 0.5}
+
+
+def test_commands_run_the_package_that_is_measured_and_none_beside_them(tmp_path):
+    (tmp_path / "hairfit").mkdir()
+    (tmp_path / "hairfit" / "__init__.py").write_text("")
+    words = [*COMMAND[:-1], "import hairfit; print(hairfit.__file__)"]
+    found = subprocess.run(
+        words, cwd=tmp_path, env=environment(), capture_output=True, text=True
+    )
+    assert pathlib.Path(found.stdout.strip()).parent == PACKAGE
