@@ -64,7 +64,8 @@ def carve(
     cranium = find_cranium(head)
     coarse = Grid.around(cranium.centre - REACH, cranium.centre + REACH, COARSE)
     margin = 2 * COARSE * max(float(v.camera.K[0, 0]) for v in views)
-    allowed = _allowed(coarse, np.ones(coarse.shape, bool), views, depths, margin)
+    everywhere = np.ones(coarse.shape, bool)
+    allowed = allowed_voxels(coarse, everywhere, views, depths, margin)
     if not allowed.any():
         raise InputError(
             "no place in space lies inside all hair masks; check that `cameras.json` "
@@ -79,27 +80,36 @@ def carve(
         parent = coarse.voxel(grid.centres(np.ones(grid.shape, bool)))
         parent = np.clip(parent, 0, np.array(coarse.shape) - 1)
         near = allowed[tuple(parent.T)].reshape(grid.shape)
-        hair = _allowed(grid, near, views, depths, 0.0)
+        hair = allowed_voxels(grid, near, views, depths, 0.0)
         if hair.sum() <= MOST_VOXELS:
             break
         spacing *= 1.1 * float(np.cbrt(hair.sum() / MOST_VOXELS))
     return _outside_head(grid, hair, head)
 
 
-def _allowed(
+def allowed_voxels(
     grid: Grid,
     start: Bool[np.ndarray, "x y z"],
     views: Sequence[View],
     depths: Sequence[Float[np.ndarray, "_height _width"]],
     margin: float,
+    *,
+    spare: int = 0,
 ) -> Bool[np.ndarray, "x y z"]:
     """Return the voxels of `start` that all views allow.
 
-    `margin` grows the masks, in pixels times metres of depth.
+    Args:
+        grid: The voxels.
+        start: Those to look at.
+        views: The photographs with their masks.
+        depths: Depth of the head in each photograph, in metres.
+        margin: How far masks are grown, in pixels times metres of depth.
+        spare: Return what any choice of views allows that leaves out so many.
     """
     index = np.flatnonzero(start.ravel())
     points = grid.centres(start)
     pictures, witnesses = np.zeros(len(index), int), np.zeros(len(index), int)
+    against = np.zeros(len(index), int)
     for view, depth in zip(views, depths, strict=True):
         if not len(points):
             break
@@ -109,13 +119,14 @@ def _allowed(
         hair = ndimage.maximum_filter(view.hair, size=2 * grow + 1)
         y, x, seen = cells(pixels, view.camera.width, view.camera.height)
         hidden = z > depth[y, x]
-        keep = ~seen | hair[y, x] | hidden
+        against += seen & ~hair[y, x] & ~hidden
+        keep = against <= spare
+        against = against[keep]
         pictures = (pictures + seen)[keep]
         witnesses = (witnesses + (seen & hair[y, x] & ~hidden))[keep]
         index, points = index[keep], points[keep]
-    index = index[
-        (pictures >= len(views) / 2) & (witnesses >= max(1, WITNESSES * len(views)))
-    ]
+    count = len(views) - spare
+    index = index[(pictures >= count / 2) & (witnesses >= max(1, WITNESSES * count))]
     out = np.zeros(start.size, dtype=bool)
     out[index] = True
     return out.reshape(grid.shape)
