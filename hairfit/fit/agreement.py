@@ -1,4 +1,4 @@
-"""Which hair masks agree: what the hull of some photographs leaves unexplained in others.
+"""Which hair masks agree: what the hull of some leaves unexplained in others.
 
 A pixel of hair is unexplained if its ray meets no voxel that the other photographs
 allow. The masks of one person agree whichever photographs carve: if one of them is
