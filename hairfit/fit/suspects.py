@@ -26,6 +26,7 @@ MOST_ACCUSED = 0.34  # share of the views; where more stand out, the head is wro
 ODD_OUTSIDE = (0.008, 3.0)
 ODD_BARE = (0.02, 2.5)
 ODD_TOTAL = (0.0025, 1.4)
+LEFT_TOTAL = (0.008, 1.7)  # after a repair: some tenths of a pixel remain
 MENDED = 0.6  # a repair leaves at most this share of a misfit
 LEAST_MENDED = 0.004  # and takes away at least this much
 LARGEST_TURN = 12.0  # degrees: beyond it the repair is a guess
@@ -139,7 +140,7 @@ def doubt_outlines(shots: Sequence[Shot], head: Mesh) -> list[Doubt]:
     doubts = []
     for k, shot in enumerate(known):
         others = [m for j, m in enumerate(found) if j != k]
-        typical = Misfit(*np.median(np.array(others), axis=0))
+        typical = Misfit(*np.median(np.array(others), axis=0).tolist())
         doubt = judge_outline(shot, found[k], typical, head)
         if doubt is not None:
             doubts.append((found[k].total, doubt))
@@ -171,7 +172,7 @@ def judge_outline(
     gain = turned.before.total - turned.after.total
     mends = turned.after.total < MENDED * turned.before.total and gain > LEAST_MENDED
     # Mended, it must be as good as the others.
-    mends &= not odd(turned.after.total, typical.total, ODD_TOTAL)
+    mends &= not odd(turned.after.total, typical.total, LEFT_TOTAL)
     flip_gain = found.total - flip.total
     # Both are measured against the same outline: gains, not what is left, compare.
     if (
