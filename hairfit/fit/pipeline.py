@@ -32,6 +32,8 @@ from .hull import Hull, carve
 from .prune import prune
 from .refine import RefineConfig, Samples, refine
 from .residuals import head_field, photo_maps
+from .suspects import Doubt, find_suspects
+from .trust import mute_clipped, without_suspects
 
 Progress = Callable[[str, float], None]
 Depths = Sequence[Float[np.ndarray, "_height _width"]]
@@ -94,12 +96,16 @@ class FitResult(NamedTuple):
         strands: Strands of the tree, outside the head.
         figures: What `report.json` says of the fit.
         maps: The orientation map of every photograph.
+        views: The photographs as they were used: mended, where they had to be.
+        doubts: What was wrong with photographs.
     """
 
     tree: HairTree
     strands: Strands
     figures: dict[str, Any]
     maps: list[OrientationMap]
+    views: tuple[View, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
 
 
 def fit_capture(
@@ -129,15 +135,13 @@ def fit_capture(
             "metres and where the cameras see it."
         )
     store = Checkpoint(checkpoint)
-    progress("finding orientation", 0.0)
-    maps = _orientation(capture.views, store, progress)
-    progress("measuring the head", 0.25)
-    depths = _depths(capture.views, head, store)
+    seen = _look(capture.views, head, store, progress)
+    views, depths, maps = seen.views, seen.depths, seen.maps
     progress("carving the hull", 0.32)
-    hull = carve(capture.views, depths, head, preset.spacing)
-    scalp = capture.scalp or _wrapped(capture.views, depths, head)
+    hull = carve(views, depths, head, preset.spacing)
+    scalp = capture.scalp or _wrapped(views, depths, head)
     progress("growing strands", 0.4)
-    uv, grown = _grow(capture.views, depths, maps, hull, scalp, preset, config, store)
+    uv, grown = _grow(views, depths, maps, hull, scalp, preset, config, store)
     progress("fitting cylinders", 0.5)
     tree, error = _tree(scalp, uv, grown, preset, config, store)
     progress("refining the tree", 0.6)
@@ -145,9 +149,9 @@ def fit_capture(
     tree = refine(
         tree,
         _samples(tree, preset, config),
-        capture.views,
+        views,
         depths,
-        photo_maps(capture.views, maps, depths),
+        photo_maps(views, maps, depths),
         head_field(hull),
         preset.refine,
         progress=lambda share: progress("refining the tree", 0.6 + 0.35 * share),
@@ -166,7 +170,40 @@ def fit_capture(
         "cylinder_error_mm": 1e3 * error,
         "median_length_mm": 1e3 * float(np.median(strand_lengths(strands))),
     }
-    return FitResult(tree, strands, figures, maps)
+    return FitResult(tree, strands, figures, seen.all_maps, seen.all_views, seen.doubts)
+
+
+class Seen(NamedTuple):
+    """What the photographs show: those that are used, and all of them."""
+
+    views: list[View]
+    depths: Depths
+    maps: list[OrientationMap]
+    all_views: tuple[View, ...]
+    all_maps: list[OrientationMap]
+    doubts: tuple[Doubt, ...]
+
+
+def _look(
+    views: Sequence[View], head: Mesh, store: Checkpoint, progress: Progress
+) -> Seen:
+    """Return what photographs show, once doubtful ones are mended or left out."""
+    progress("measuring the head", 0.0)
+    depths = _depths(views, head, store)
+    doubts = find_suspects(views, depths, head)
+    trusted = without_suspects(views, depths, head, doubts)
+    progress("finding orientation", 0.05)
+    maps = _orientation(trusted.views, store, progress)
+    maps = mute_clipped(trusted.views, maps, doubts)
+    used = [k for k, use in enumerate(trusted.used) if use]
+    return Seen(
+        [trusted.views[k] for k in used],
+        [trusted.depths[k] for k in used],
+        [maps[k] for k in used],
+        trusted.views,
+        maps,
+        tuple(doubts),
+    )
 
 
 def _orientation(
@@ -183,7 +220,7 @@ def _orientation(
             }
             store.save(f"orientation-{view.name}", saved)
         maps.append(OrientationMap(**saved))
-        progress("finding orientation", 0.25 * (i + 1) / len(views))
+        progress("finding orientation", 0.05 + 0.27 * (i + 1) / len(views))
     return maps
 
 

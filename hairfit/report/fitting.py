@@ -9,6 +9,7 @@ import numpy as np
 from ..capture.capture import Capture
 from ..capture.scalp_file import save_scalp
 from ..fit import FitConfig, FitResult, fit_capture
+from ..fit.suspects import Doubt
 from ..io.strands import save_strands
 from ..io.tree import save_tree
 from .progress import say, shown_progress
@@ -85,8 +86,21 @@ def write_result(
         "clusters": len(fitted.tree.parent),
         "strands": fitted.strands.count,
         "points": int(strand_counts.sum()),
+        "suspects": [in_report(doubt) for doubt in fitted.doubts],
         "figures": fitted.figures,
         "photographs": photographs,
     }
     write_report(folder, report)
     return report
+
+
+def in_report(doubt: Doubt) -> dict[str, Any]:
+    """Return what `report.json` says of a doubtful photograph."""
+    return {
+        "view": doubt.view,
+        "kind": doubt.kind,
+        "strength": doubt.strength,
+        "unit": doubt.unit,
+        "remedy": doubt.remedy,
+        "sentence": doubt.sentence,
+    }

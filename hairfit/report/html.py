@@ -66,6 +66,7 @@ def report_html(
     pages: Sequence[ViewPage],
     figures: dict[str, Any],
     turntable: Sequence[UInt8[np.ndarray, "height width 3"]],
+    warnings: Sequence[str] = (),
 ) -> str:
     """Return the whole report as one HTML text without any outer link.
 
@@ -74,10 +75,12 @@ def report_html(
         pages: The photographs.
         figures: Figures over all; nested ones are shown as `outer / inner`.
         turntable: Pictures of the hair from all around, evenly spread.
+        warnings: Sentences on photographs that contradict the others.
     """
     encoded = encode_all(pages, turntable)
     body = [
         f"<h1>{html.escape(title)}</h1>",
+        warnings_html(warnings),
         turntable_html(encoded.turntable),
         "<h2>Figures</h2>",
         table_html(flat(figures)),
@@ -157,6 +160,16 @@ def turntable_html(links: Sequence[str]) -> str:
         f"<div id='turntable'>{frames}<input type='range' min='0' "
         f"max='{len(links) - 1}' value='0' aria-label='turn'></div>"
     )
+
+
+def warnings_html(warnings: Sequence[str]) -> str:
+    """Return sentences that the user should read first."""
+    if not warnings:
+        return ""
+    lines = "".join(
+        f"<li>{html.escape(text[0].upper() + text[1:])}</li>" for text in warnings
+    )
+    return f"<h2>Doubtful photographs</h2><ul id='suspects'>{lines}</ul>"
 
 
 def table_html(rows: dict[str, str]) -> str:

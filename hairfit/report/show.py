@@ -28,9 +28,8 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     previews = folder / "preview"
     previews.mkdir()
     pages, photographs = [], {}
-    for sight, found in zip(
-        look(capture.head, capture.views), fitted.maps, strict=True
-    ):
+    views = fitted.views or capture.views
+    for sight, found in zip(look(capture.head, views), fitted.maps, strict=True):
         view = sight.view
         raster = rasterise(points, view.camera, mesh_depth=sight.behind)
         errors = compare_with_photograph(points, sight, found=found, drawn=raster)
@@ -49,7 +48,7 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
                 in_words(errors),
             )
         )
-    cameras = [view.camera for view in capture.views]
+    cameras = [view.camera for view in views]
     turns = orbit_cameras(points, TURNS, TURNTABLE_SIZE)
     drawn = draw_hair(points, capture.head, [*cameras, *turns])
     frames = drawn[len(cameras) :]
@@ -58,7 +57,8 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     for name, picture in zip(names, drawn, strict=True):
         (previews / f"{name}.png").write_bytes(encode_picture(picture, ".png"))
     title = f"{capture.folder.resolve().name}, recovered from {len(pages)} photographs"
-    text = report_html(title, pages, fitted.figures, frames)
+    warnings = [doubt.sentence for doubt in fitted.doubts]
+    text = report_html(title, pages, fitted.figures, frames, warnings)
     (folder / "report.html").write_text(text, encoding="utf-8")
     return photographs
 

@@ -32,3 +32,12 @@ def test_nested_figures_become_one_level():
     figures = {"all": {"f_2mm": 0.12345678, "views": ["a", 1.5]}, "n": 3, "x": None}
     expected = {"all / f 2mm": "0.1235", "all / views": "a, 1.5"}
     assert flat(figures) == expected | {"n": "3", "x": "unknown"}
+
+
+def test_doubts_about_photographs_are_sentences_at_the_top():
+    doubt = "the hair mask of photograph '<03>' is wrong."
+    text = report_html("anna", [page("00")], {}, [], [doubt])
+    sentence = "<li>The hair mask of photograph &#x27;&lt;03&gt;&#x27; is wrong.</li>"
+    assert text.index("Doubtful photographs") < text.index(sentence)
+    assert text.index(sentence) < text.index("<h2>Figures")
+    assert "Doubtful" not in report_html("anna", [page("00")], {}, [])
