@@ -15,7 +15,7 @@ import time
 from corruptions import corruptions
 
 from hairfit.capture import load_capture
-from hairfit.capture.capture import Capture
+from hairfit.capture.capture import Capture, require_for_fit
 from hairfit.capture.select import directions, spread
 from hairfit.fit.suspects import find_suspects
 from hairfit.render import mesh_depth
@@ -47,7 +47,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("captures", nargs="*", type=pathlib.Path)
     parser.add_argument("--views", nargs="*", type=int, default=[12, 8, 4, 3])
-    parser.add_argument("--each", type=int, default=3)
+    parser.add_argument("--each", type=int, default=3, help="0 for none")
     parser.add_argument("--side", type=int, default=640, help="pixels, at most")
     given = parser.parse_args()
     folders = given.captures
@@ -72,11 +72,12 @@ def main() -> None:
 
 def try_all(capture: Capture, count: int, each: int, table) -> None:
     """Count what is found in one subset of a capture, clean and corrupted."""
+    head = require_for_fit(capture)
     chosen = subset(capture, count)
     views = [capture.views[k] for k in chosen]
-    depths = [mesh_depth(capture.head, view.camera) for view in views]
+    depths = [mesh_depth(head, view.camera) for view in views]
     start = time.perf_counter()
-    doubts = find_suspects(views, depths, capture.head)
+    doubts = find_suspects(views, depths, head)
     taken = time.perf_counter() - start
     place = f"{capture.folder.name}, {count} views"
     print(f"{place}: {len(doubts)} doubts when clean, {taken:.1f} s", flush=True)
@@ -84,15 +85,15 @@ def try_all(capture: Capture, count: int, each: int, table) -> None:
     table["none"]["false"] += len(doubts)
     for doubt in doubts:
         print(f"  FALSE {doubt.view} {doubt.kind} {doubt.strength:.3f}", flush=True)
-    for k in range(0, len(views), each):
+    for k in range(0, len(views) if each else 0, each or 1):
         other = views[(k + 2) % len(views)]
-        for name, (kind, spoil) in corruptions(other, capture.head).items():
+        for name, (kind, spoil) in corruptions(other, head).items():
             bad = [*views]
             bad[k] = spoil(views[k])
             there = [*depths]
             if kind == "camera":
-                there[k] = mesh_depth(capture.head, bad[k].camera)
-            doubts = find_suspects(bad, there, capture.head)
+                there[k] = mesh_depth(head, bad[k].camera)
+            doubts = find_suspects(bad, there, head)
             judge(f"{place}, {views[k].name}, {name}", doubts, views[k].name, kind)
             row = table[f"{name}, {count}"]
             mine = [d for d in doubts if d.view == views[k].name]

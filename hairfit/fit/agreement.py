@@ -90,11 +90,12 @@ def look_at(
     camera = view.camera
     pixels = project_points(points, camera)
     row, column, seen = cells(pixels, camera.width, camera.height)
-    grown = ndimage.maximum_filter(view.hair, size=2 * SLACK + 1)[row, column]
+    grown = ndimage.maximum_filter(view.hair, size=2 * SLACK + 1)
+    hair = np.asarray(grown, bool)[row, column]
     free = seen & (pixels.depth <= depth[row, column])
     middle = float(np.median(pixels.depth)) if len(points) else 1.0
     reach = int(np.ceil(0.5 * SPACING * float(camera.K[0, 0]) / max(middle, 0.05)))
-    return Sight(row * camera.width + column, seen, free & grown, free & ~grown, reach)
+    return Sight(row * camera.width + column, seen, free & hair, free & ~hair, reach)
 
 
 class Opinions(NamedTuple):

@@ -116,7 +116,7 @@ def allowed_voxels(
         pixels = project_points(points, view.camera)
         z = pixels.depth
         grow = MASK_MARGIN + int(np.ceil(margin / max(float(np.median(z)), 0.05)))
-        hair = ndimage.maximum_filter(view.hair, size=2 * grow + 1)
+        hair = np.asarray(ndimage.maximum_filter(view.hair, size=2 * grow + 1), bool)
         y, x, seen = cells(pixels, view.camera.width, view.camera.height)
         hidden = z > depth[y, x]
         against += seen & ~hair[y, x] & ~hidden

@@ -65,8 +65,8 @@ def surface_points(head: Mesh) -> Float[np.ndarray, "points 3"]:
     import trimesh
 
     mesh = trimesh.Trimesh(head.vertices, head.faces, process=False)
-    points, _ = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
-    return np.concatenate([np.asarray(points), np.asarray(head.vertices)])
+    sampled = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
+    return np.concatenate([np.asarray(sampled[0]), np.asarray(head.vertices)])
 
 
 def outline(
@@ -75,13 +75,12 @@ def outline(
     """Return where a camera sees a surface of which points are given."""
     pad = 2 * CLOSING
     drawn = np.zeros((camera.height + 2 * pad, camera.width + 2 * pad), np.uint8)
-    row, column, seen = cells(
-        project_points(points, camera), camera.width, camera.height
-    )
+    pixels = project_points(points, camera)
+    row, column, seen = cells(pixels, camera.width, camera.height)
     drawn[row[seen] + pad, column[seen] + pad] = 1
     size = 2 * CLOSING + 1
-    wide = ndimage.maximum_filter(drawn, size=size)
-    closed = ndimage.minimum_filter(wide, size=size)
+    wide = np.asarray(ndimage.maximum_filter(drawn, size=size))
+    closed = np.asarray(ndimage.minimum_filter(wide, size=size))
     return closed[pad:-pad, pad:-pad] > 0
 
 
@@ -171,7 +170,7 @@ def _best_turn(
 ) -> Float[np.ndarray, " 3"]:
     """Return the turn about a point that fits blurred outlines best, in radians."""
     body = np.asarray(view.body)
-    free = ~ndimage.binary_dilation(view.hair, iterations=2)
+    free = ~np.asarray(ndimage.binary_dilation(view.hair, iterations=2), bool)
     size = np.sqrt(max(body.sum(), 1)) / STRIDE
     scaled = start / units
     for blur in BLURS:
@@ -194,7 +193,12 @@ def _best_turn(
             return np.stack(columns, axis=1)
 
         scaled = least_squares(
-            residuals, scaled, jac=slope, max_nfev=8, xtol=3e-3, ftol=1e-4
+            residuals,
+            scaled,
+            jac=slope,  # pyright: ignore[reportArgumentType]
+            max_nfev=8,
+            xtol=3e-3,
+            ftol=1e-4,
         ).x
     return scaled * units
 
@@ -209,6 +213,5 @@ def _best_shift(
     wanted = body.astype(float) - (~body & ~hair)
     score = signal.fftconvolve(wanted, head[::-1, ::-1].astype(float))
     row, column = np.unravel_index(np.argmax(score), score.shape)
-    down = float(row) - (head.shape[0] - 1)
-    right = float(column) - (head.shape[1] - 1)
+    down, right = float(row) - (head.shape[0] - 1), float(column) - (head.shape[1] - 1)
     return np.array([-down, right, 0.0])

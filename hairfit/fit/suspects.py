@@ -371,4 +371,4 @@ def person(view: View) -> Bool[np.ndarray, "height width"]:
 def clipped(view: View) -> Bool[np.ndarray, "height width"]:
     """Return the pixels in which a channel is clipped or all are black."""
     shade = srgb_from_linear(view.image)
-    return (shade >= CLIPPED).any(axis=-1) | (shade <= BLACK).all(axis=-1)
+    return (shade.max(axis=-1) >= CLIPPED) | (shade.max(axis=-1) <= BLACK)

@@ -55,16 +55,17 @@ def without_suspects(
     used = [True] * len(views)
     for k, view in enumerate(views):
         doubt = about.get(view.name)
-        match None if doubt is None else doubt.remedy:
-            case "flip all":
-                new_views[k] = flipped(view)
-            case "flip image":
-                new_views[k] = dataclasses.replace(view, image=view.image[:, ::-1])
-            case "turn camera":
-                new_views[k] = dataclasses.replace(view, camera=doubt.camera)
-                new_depths[k] = mesh_depth(head, doubt.camera)
-            case "leave out":
-                used[k] = False
+        if doubt is None:
+            continue
+        if doubt.remedy == "flip all":
+            new_views[k] = flipped(view)
+        elif doubt.remedy == "flip image":
+            new_views[k] = dataclasses.replace(view, image=view.image[:, ::-1])
+        elif doubt.camera is not None:
+            new_views[k] = dataclasses.replace(view, camera=doubt.camera)
+            new_depths[k] = mesh_depth(head, doubt.camera)
+        elif doubt.remedy == "leave out":
+            used[k] = False
     if sum(used) < LEAST_VIEWS:
         used = [True] * len(views)
     # Masks last: the other photographs must be mended before they speak for one.
