@@ -249,7 +249,8 @@ def percent(share: float) -> str:
 def doubt_hair(shots: Sequence[Shot], head: Mesh) -> list[Doubt]:
     """Return the photograph without which the hair masks of the others agree."""
     count = len(shots)
-    if count < 3:
+    # The hull of one photograph is no hull: two must be left besides the pair.
+    if count < 4:
         return []
     left = disagreement(shots, head)
     culprit = int(np.argmin(left))
