@@ -18,17 +18,12 @@ from .cluster import Layout
 
 # Strands of one cluster differ by about so much from its linear map. Metres.
 SPREAD = 0.002
-# A cluster of few strands keeps its thickness: this many strands at one radius each
-# would outweigh the prior.
-PRIOR_STRANDS = 4.0
 # Strands farther than this from their cluster's are outliers. Metres, over its length.
 OUTLIER = 0.006
-ROBUST_STEPS = 6
-WIDEST = 2.0  # times the width at the roots
 # How far least squares may go from its start, which is the solution but for the planes
 # of the cross-sections: metres, and no unit.
 SKELETON_PRIOR, MAP_PRIOR = 0.01, 0.25
-INEXACT = 0.1
+INEXACT = 1e-3
 
 
 class FittedTree(NamedTuple):
@@ -61,20 +56,6 @@ class Problem(NamedTuple):
     members: Members
     weight: Float[Array, " members"]
     units: tuple[Array, Array]
-
-
-def fit_cylinders(layout: Layout, members: Members, *, steps: int = 3) -> FittedTree:
-    """Return the tree whose clusters come closest to their strands.
-
-    First each cluster alone, in closed form: at every knot a linear map of the root's
-    plane. Then all parameters together by Levenberg-Marquardt, matrix-free.
-
-    Args:
-        layout: The clusters' contours and topology.
-        members: The strands of every cluster, on all levels.
-        steps: Most steps of the least squares.
-    """
-    return refine_cylinders(layout, _closed_form(layout, members), members, steps)
 
 
 def refine_cylinders(
@@ -193,24 +174,6 @@ def _half_square(change, problem: Problem) -> Float[Array, ""]:
     return 0.5 * jnp.sum(jnp.stack([jnp.sum(part**2) for part in parts]))
 
 
-def _closed_form(layout: Layout, members: Members) -> GeneralizedCylinder:
-    """Return each cluster's mean curve and linear maps by regression on the roots."""
-    contour, metric = layout.tree.contour, layout.metric
-    count, knots = len(metric), members.knots.shape[1]
-    owner = np.asarray(members.owner)
-    strands = np.asarray(members.knots, np.float64)
-    delta = np.asarray(members.uv, np.float64) - np.asarray(contour.centre)[owner]
-    place = delta * metric[owner][:, None]
-    order = np.argsort(owner, kind="stable")
-    first = np.searchsorted(owner[order], np.arange(count + 1))
-    skeleton = np.zeros((count, knots, 3))
-    maps = np.zeros((count, knots, 3, 2))
-    for index in range(count):
-        mine = order[first[index] : first[index + 1]]
-        skeleton[index], maps[index] = _regress(place[mine], strands[mine])
-    return cylinders_along(contour, metric, skeleton, maps)
-
-
 def cylinders_along(
     contour: ScalpContour,
     metric: Float[np.ndarray, " clusters"],
@@ -247,51 +210,3 @@ def cylinders_along(
 
 
 _with_sections = jax.jit(jax.vmap(with_section_maps))
-
-
-def _regress(
-    place: Float[np.ndarray, "members 2"], strands: Float[np.ndarray, "members knots 3"]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean curve at the contour's centre and the slopes by the roots' place.
-
-    Robust against strands that run elsewhere (Geman-McClure weights about the solution
-    before). The prior for the slopes at each knot is those at the knot before: a
-    cluster of few strands runs on with the thickness that its roots have.
-    """
-    knots = strands.shape[1]
-    # The medoid, not the mean: between two ways of hair there is no hair.
-    apart = np.linalg.norm(
-        strands[:, None, :: knots // 4] - strands[None, :, :: knots // 4], axis=3
-    )
-    central = np.argmin(np.median(apart.mean(axis=2), axis=1))
-    fitted = np.broadcast_to(strands[central], strands.shape)
-    curve, slopes = np.zeros((knots, 3)), np.zeros((knots, 3, 2))
-    for _ in range(ROBUST_STEPS):
-        error = ((strands - fitted) ** 2).sum(axis=2).mean(axis=1)
-        scale = np.maximum(np.median(error), OUTLIER**2)
-        weight = 1.0 / (1.0 + error / scale) ** 2
-        weight /= weight.sum()
-        middle = weight @ place
-        away = place - middle
-        spread = (weight[:, None] * away).T @ away
-        mean = np.einsum("s,skx->kx", weight, strands)
-        product = np.einsum("s,si,skx->kxi", weight, away, strands - mean)
-        typical = np.trace(spread) / 2 + 1e-8
-        prior = typical * PRIOR_STRANDS / len(place)
-        # Roots lie on the scalp: there the slope is known better than by the strands.
-        slopes[0] = product[0] @ np.linalg.inv(spread + 0.05 * typical * np.eye(2))
-        inverse = np.linalg.inv(spread + prior * np.eye(2))
-        for knot in range(1, knots):
-            slopes[knot] = (product[knot] + prior * slopes[knot - 1]) @ inverse
-        slopes = _at_most(slopes, WIDEST)
-        curve = mean - slopes @ middle
-        fitted = curve[None] + np.einsum("kxi,si->skx", slopes, place)
-    return curve, slopes
-
-
-def _at_most(
-    slopes: Float[np.ndarray, "knots 3 2"], widest: float
-) -> Float[np.ndarray, "knots 3 2"]:
-    """Cut singular values: no cluster opens like a fan because of a stray strand."""
-    left, size, right = np.linalg.svd(slopes, full_matrices=False)
-    return (left * np.minimum(size, widest)[:, None, :]) @ right

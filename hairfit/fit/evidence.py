@@ -126,7 +126,7 @@ def diffuse(hull: Hull, evidence: Evidence) -> Field:
     conjugate gradients, first on every second voxel, then on all.
     """
     index = np.argwhere(hull.hair)
-    target = _outer(evidence.direction)
+    target = matrix_entries(evidence.direction)
     half, member = np.unique(index // 2, axis=0, return_inverse=True)
     member = member.ravel()
     weight = np.bincount(member, evidence.weight)
@@ -149,7 +149,7 @@ def diffuse(hull: Hull, evidence: Evidence) -> Field:
     return Field(direction[tuple(nearest)], anisotropy[tuple(nearest)])
 
 
-def _outer(d: Float[np.ndarray, "voxels 3"]) -> Float[np.ndarray, "voxels 6"]:
+def matrix_entries(d: Float[np.ndarray, "voxels 3"]) -> Float[np.ndarray, "voxels 6"]:
     """Return the six different entries of $d d^T$."""
     x, y, z = d[:, 0], d[:, 1], d[:, 2]
     return np.stack([x * x, y * y, z * z, x * y, x * z, y * z], axis=1)

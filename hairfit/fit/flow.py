@@ -29,10 +29,11 @@ from .hull import Hull
 ALONG = 4
 ACROSS = 0.01  # conductance where the cosine is 0, against 1 along the direction
 SCALP_REACH = 2.0  # voxels from the scalp's samples where hair comes out
-# Hair ends nowhere nearer to the scalp than this, and everywhere alike beyond the
-# second. Metres.
-ENDS_FROM, ENDS_FULLY = 0.01, 0.03
-TRAVEL = 0.05  # metres that hair travels before tips take about two thirds of it
+# Hair ends nowhere nearer to the scalp than the first, and everywhere alike beyond the
+# second; what tips take leaves about a third after the last. Shares of how far hair
+# reaches from the scalp, and at most so many metres.
+ENDS_FROM, ENDS_FULLY, TRAVEL = (0.1, 0.01), (0.3, 0.03), (0.5, 0.05)
+FARTHEST_SHARE = 0.9  # of the hull lies nearer to the scalp than hair is said to reach
 STEPS = np.array(
     [
         (i, j, k)
@@ -68,9 +69,14 @@ def hair_flow(
     links = _links(hull, field)
     spacing = hull.grid.spacing
     away = KDTree(scalp_points).query(hull.grid.centres(hull.hair))[0]
-    ends = np.clip((away - ENDS_FROM) / (ENDS_FULLY - ENDS_FROM), 0.0, 1.0)
+    reach = float(np.quantile(away, FARTHEST_SHARE))
+    near, far, travel = (
+        max(min(share * reach, most), 1e-3)
+        for share, most in (ENDS_FROM, ENDS_FULLY, TRAVEL)
+    )
+    ends = np.clip((away - near) / max(far - near, 1e-3), 0.0, 1.0)
     # A little everywhere, so that pieces of hair without scalp are decided as well.
-    takes = (spacing / TRAVEL) ** 2 * ends + 1e-6
+    takes = (spacing / travel) ** 2 * ends + 1e-6
     gives = (away < SCALP_REACH * spacing).astype(float)
     potential = solve_potential(links, takes, gives)
     flow = np.zeros((len(away), 3))
@@ -82,8 +88,9 @@ def hair_flow(
     flow /= np.maximum(np.linalg.norm(flow, axis=1, keepdims=True), 1e-30)
     out = np.zeros((*hull.grid.shape, 3))
     out[hull.hair] = flow
-    nearest = ndimage.distance_transform_edt(
-        ~hull.hair, return_distances=False, return_indices=True
+    nearest = np.zeros((3, *hull.grid.shape), np.int32)
+    ndimage.distance_transform_edt(
+        ~hull.hair, return_distances=False, return_indices=True, indices=nearest
     )
     return out[tuple(nearest)]
 

@@ -17,6 +17,8 @@ from .grid import Grid
 
 REACH = 0.6  # no hair farther than this from the cranium's centre, in metres
 COARSE = 0.012  # metres
+NEAR_SKIN = 0.01  # metres: hair that comes no nearer to the head does not grow on it
+ACROSS_GAPS = 2  # voxels on both sides of a gap over which pieces of hair are one
 LEAST_VOXELS = 50  # smaller pieces are noise of the masks
 MOST_VOXELS = 600_000  # beyond this the grid is made coarser
 WITNESSES = 0.25  # share of the views that must see hair there, not the head before it
@@ -143,6 +145,7 @@ def _outside_head(grid: Grid, hair: Bool[np.ndarray, "x y z"], head: Mesh) -> Hu
     sizes = np.bincount(parts.ravel())
     sizes[0] = 0
     hair = np.isin(parts, np.flatnonzero(sizes >= LEAST_VOXELS))
+    hair = _grown(hair, skin)
     if not hair.any():
         raise InputError(
             "the hair masks leave no room for hair outside the head; check that "
@@ -152,6 +155,20 @@ def _outside_head(grid: Grid, hair: Bool[np.ndarray, "x y z"], head: Mesh) -> Hu
     inside = np.asarray(ndimage.distance_transform_edt(hair))
     distance = np.where(hair, 0.5 - inside, outside - 0.5) * grid.spacing
     return Hull(grid, hair, distance, skin)
+
+
+def _grown(
+    hair: Bool[np.ndarray, "x y z"], skin: Float[np.ndarray, "x y z"]
+) -> Bool[np.ndarray, "x y z"]:
+    """Return the hair without pieces in the air, where cones of views happen to meet.
+
+    A piece that comes near the head at no place grew from none; all stay if none does.
+    """
+    joined = np.asarray(ndimage.binary_dilation(hair, iterations=ACROSS_GAPS), bool)
+    pieces = np.zeros(hair.shape, np.int32)
+    ndimage.label(joined, output=pieces)
+    at_skin = np.unique(pieces[hair & (skin < NEAR_SKIN)])
+    return hair & np.isin(pieces, at_skin) if len(at_skin) else hair
 
 
 def first_hit(

@@ -18,22 +18,29 @@ from ..evaluate.shape import strand_lengths
 from ..io.tree import load_tree, round_tree, save_tree
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp, sample_roots, scalp_normal, scalp_point
-from ..model.tree import HairTree
+from ..model.tree import HairTree, leaves, levels
 from ..render.raster import mesh_depth
 from ..types import Mesh, Strands
 from .checkpoint import Checkpoint
-from .cluster import lay_clusters
-from .cylinders import Members, fit_cylinders
 from .derive import derive_strands
-from .evidence import diffuse, gather
+from .evidence import Field, diffuse, gather
 from .flow import hair_flow
+from .gather import Rooted, gather_strands
 from .grow import GrowConfig, grow
 from .hull import Hull, carve
 from .prune import prune
-from .refine import RefineConfig, Samples, refine
-from .residuals import head_field, photo_maps
+from .refine import Photographs, RefineConfig, Samples, refine
+from .residuals import photo_maps
 from .suspects import Doubt, find_suspects
+from .treeify import (
+    STRANDS_A_LEAF,
+    TreeifyConfig,
+    fit_levels,
+    on_scalp,
+    stack_levels,
+)
 from .trust import mute_clipped, without_suspects
+from .volume import hair_volume, inner_places
 
 Progress = Callable[[str, float], None]
 Depths = Sequence[Float[np.ndarray, "_height _width"]]
@@ -60,7 +67,7 @@ class Preset(NamedTuple):
 
     spacing: float
     guides: int
-    roots: int
+    levels: int
     leaves: int
     knots: int
     refine: RefineConfig
@@ -70,16 +77,16 @@ PRESETS = {
     "draft": Preset(
         0.005,
         2500,
-        24,
+        2,
         120,
         12,
         RefineConfig(rounds=1, steps=15, strands=1200, points=16),
     ),
-    "normal": Preset(0.003, 8000, 40, 400, 16, RefineConfig()),
+    "normal": Preset(0.003, 8000, 3, 400, 16, RefineConfig()),
     "high": Preset(
         0.0025,
         12000,
-        60,
+        3,
         800,
         20,
         RefineConfig(rounds=4, steps=25, strands=5000, points=32),
@@ -141,7 +148,8 @@ def fit_capture(
     hull = carve(views, depths, head, preset.spacing)
     scalp = capture.scalp or _wrapped(views, depths, head)
     progress("growing strands", 0.4)
-    uv, grown = _grow(views, depths, maps, hull, scalp, preset, config, store)
+    field = _field(hull, seen, store)
+    uv, grown = _grow(hull, field, scalp, preset, config, store)
     progress("fitting cylinders", 0.5)
     tree, error = _tree(scalp, uv, grown, preset, config, store)
     progress("refining the tree", 0.6)
@@ -149,10 +157,9 @@ def fit_capture(
     tree = refine(
         tree,
         _samples(tree, preset, config),
-        views,
-        depths,
-        photo_maps(views, maps, depths),
-        head_field(hull),
+        Photographs(views, depths, photo_maps(views, maps, depths)),
+        hair_volume(hull, field),
+        inner_places(hull),
         preset.refine,
         progress=lambda share: progress("refining the tree", 0.6 + 0.35 * share),
     )
@@ -165,8 +172,9 @@ def fit_capture(
         "voxels": int(hull.hair.sum()),
         "voxel_mm": 1e3 * hull.grid.spacing,
         "grown_strands": len(grown),
+        "levels": len(levels(tree)),
         "root_clusters": int((parent < 0).sum()),
-        "leaf_clusters": int((parent >= 0).sum()),
+        "leaf_clusters": len(leaves(tree)),
         "cylinder_error_mm": 1e3 * error,
         "median_length_mm": 1e3 * float(np.median(strand_lengths(strands))),
     }
@@ -244,11 +252,19 @@ class Grown(NamedTuple):
     strands: Float[np.ndarray, "strands knots 3"]
 
 
+def _field(hull: Hull, seen: Seen, store: Checkpoint) -> Field:
+    saved = store.load("field")
+    if saved is None:
+        evidence = gather(hull, seen.views, seen.maps, seen.depths)
+        found = diffuse(hull, evidence)
+        saved = {"direction": found.direction, "anisotropy": found.anisotropy}
+        store.save("field", saved)
+    return Field(**saved)
+
+
 def _grow(
-    views: Sequence[View],
-    depths: Depths,
-    maps: Sequence[OrientationMap],
     hull: Hull,
+    field: Field,
     scalp: Scalp,
     preset: Preset,
     config: FitConfig,
@@ -256,7 +272,6 @@ def _grow(
 ) -> Grown:
     saved = store.load("grown")
     if saved is None:
-        field = diffuse(hull, gather(hull, views, maps, depths))
         uv = sample_roots(scalp, preset.guides, jax.random.key(config.seed))
         roots = np.asarray(jax.vmap(scalp_point, (None, 0))(scalp, uv), np.float64)
         normals = np.asarray(jax.vmap(scalp_normal, (None, 0))(scalp, uv), np.float64)
@@ -284,30 +299,18 @@ def _tree(
     config: FitConfig,
     store: Checkpoint,
 ) -> tuple[HairTree, float]:
-    """Return the tree of the grown strands and its median distance from them."""
+    """Return the tree of the grown strands, and its distance from them in metres."""
     saved = store.load("cylinders")
     if saved is not None:
         return load_tree(store.path("tree.hairtree")), float(saved["error"])
-    layout = lay_clusters(
-        scalp,
-        uv,
-        strands,
-        roots=preset.roots,
-        leaves=preset.leaves,
-        seed=config.seed,
+    ground = np.asarray(on_scalp(scalp, jnp.asarray(uv, scalp.control.dtype)).slope)
+    rooted = Rooted(uv, strands, np.asarray(ground, np.float64))
+    gathering = TreeifyConfig(
+        preset.leaves, preset.levels, preset.knots, seed=config.seed
     )
-    # Every strand counts for its leaf and for the root cluster above.
-    strand = np.tile(np.arange(len(uv)), 2)
-    above = np.where(layout.owner < 0, -1, np.asarray(layout.tree.parent)[layout.owner])
-    owner = np.concatenate([layout.owner, above])
-    strand, owner = strand[owner >= 0], owner[owner >= 0]
-    kind = scalp.control.dtype
-    members = Members(
-        jnp.asarray(uv[strand], kind),
-        jnp.asarray(owner, jnp.int32),
-        jnp.asarray(strands[strand], kind),
-    )
-    fitted = fit_cylinders(layout, members)
+    count = min(preset.leaves, len(uv) // STRANDS_A_LEAF)
+    label = gather_strands(rooted, count, rounds=gathering.rounds, seed=config.seed)
+    fitted = fit_levels(scalp, rooted, stack_levels(rooted, label, gathering), 0)
     tree = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), fitted.tree)
     if store.folder is not None:
         save_tree(store.path("tree.hairtree"), tree, exact=True)

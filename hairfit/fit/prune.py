@@ -6,7 +6,7 @@ from jaxtyping import Float
 from scipy import ndimage
 
 from ..model.strand import grow_strands
-from ..model.tree import HairTree, take
+from ..model.tree import HairTree, leaves, take
 from .hull import Hull
 from .refine import Samples
 
@@ -18,20 +18,22 @@ POINTS = 24
 def prune(tree: HairTree, samples: Samples, hull: Hull) -> HairTree:
     """Return the tree without leaves whose strands leave the hull.
 
-    Their roots go to the closest leaf of the same root cluster, as figure 4-15 of the
-    thesis has it; so each root cluster keeps at least its best leaf.
+    Their roots go to the closest leaf below the same cluster, as figure 4-15 of the
+    thesis has it; so each cluster keeps at least its best leaf.
 
     Args:
-        tree: A tree of two levels.
+        tree: The tree.
         samples: Strands over the whole scalp.
         hull: Where hair can be.
     """
     lost = lost_share(tree, samples, hull)
     parent = np.asarray(tree.parent)
-    keep = (parent < 0) | (lost <= MOST_LOST)
-    for root in np.flatnonzero(parent < 0):
-        below = np.flatnonzero(parent == root)
-        if len(below) and not keep[below].any():
+    leaf = np.zeros(tree.count, bool)
+    leaf[leaves(tree)] = True
+    keep = ~leaf | (lost <= MOST_LOST)
+    for above in np.unique(parent[leaf]):
+        below = np.flatnonzero(leaf & (parent == above))
+        if above >= 0 and not keep[below].any():
             keep[below[np.argmin(lost[below])]] = True
     return take(tree, keep)
 

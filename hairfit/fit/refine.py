@@ -17,19 +17,18 @@ import optax
 from jaxtyping import Array, Bool, Float, Int
 
 from ..capture.capture import View
-from ..model.collide import DistanceField
 from ..model.cylinder import GeneralizedCylinder, cylinder_frames
 from ..model.strand import grow
-from ..model.tree import HairTree
+from ..model.tree import HairTree, depths_of
 from .residuals import (
     PhotoMaps,
     Pulls,
     bare_loss,
     find_pulls,
-    head_loss,
     image_loss,
     seen_segments,
 )
+from .volume import Gaps, HairVolume, field_loss, find_gaps, gap_loss, head_loss
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,6 +48,10 @@ class RefineConfig:
     sigma_move: float = 0.01
     sigma_bend: float = 0.002
     sigma_map: float = 0.2
+    field: float = 1.0
+    """What the direction of the evidence, all through the hair, counts."""
+    gap: float = 1.0
+    """What hair counts that no strand is near, within the hull."""
 
 
 class Samples(NamedTuple):
@@ -67,63 +70,98 @@ class Moves(NamedTuple):
     shear: Float[Array, "clusters knots"]
 
 
+class Photographs(NamedTuple):
+    """What is compared with: the photographs, the head's depths in them, their maps."""
+
+    views: Sequence[View]
+    depths: Sequence[Float[np.ndarray, "_height _width"]]
+    maps: PhotoMaps
+
+
+class Found(NamedTuple):
+    """What is found anew each round, from strands as they are."""
+
+    seen: Bool[Array, "views strands segments"]
+    pulls: Pulls
+    gaps: Gaps
+
+
 class Problem(NamedTuple):
     """All that a loss needs besides the moves."""
 
     tree: HairTree
-    parent: Int[Array, " clusters"]
     level: Int[Array, " clusters"]
     samples: Samples
     maps: PhotoMaps
-    head: DistanceField
+    volume: HairVolume
+
+
+class Turn(NamedTuple):
+    """The clusters that move, and what each cluster is carried by.
+
+    Attributes:
+        level: The level that moves.
+        above: Each cluster's ancestor on that level; itself on it and above.
+    """
+
+    level: Int[Array, ""]
+    above: Int[Array, " clusters"]
 
 
 def refine(
     tree: HairTree,
     samples: Samples,
-    views: Sequence[View],
-    depths: Sequence[Float[np.ndarray, "_height _width"]],
-    maps: PhotoMaps,
-    head: DistanceField,
+    photographs: Photographs,
+    volume: HairVolume,
+    places: Float[np.ndarray, "places 3"],
     config: RefineConfig | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> HairTree:
     """Return the tree after gradient descent on the photographs' residuals.
 
     Args:
-        tree: A tree of two levels.
+        tree: The tree, of any number of levels.
         samples: Strands to compare, each owned by a leaf.
-        views: The photographs.
-        depths: Depth of the head in them, in metres.
-        maps: What the photographs say.
-        head: Where the head is.
+        photographs: What they are compared with.
+        volume: What is known of the space around: the head, the direction of hair.
+        places: Where there should be hair, in metres.
         config: How far to go.
         progress: Called with the share that is done.
     """
     config = config or RefineConfig()
-    parent = np.asarray(tree.parent)
-    problem = Problem(
-        tree,
-        jnp.asarray(np.maximum(parent, 0), jnp.int32),
-        jnp.asarray((parent >= 0).astype(np.int32)),
-        samples,
-        maps,
-        head,
-    )
-    done = 0
-    for level in jnp.arange(2, dtype=jnp.int32):
-        moves = _still(tree.cylinder)
-        problem = problem._replace(tree=tree)
-        for _ in range(config.rounds):
-            current = moved(problem, moves, level)
-            strands = np.asarray(_strands(tree, current, samples, config.points))
-            seen = jnp.asarray(seen_segments(strands, views, depths))
-            pulls = find_pulls(strands, views, depths, done)
-            moves = _descend(problem, moves, seen, pulls, level, config)
-            done += 1
-            progress(done / (2 * config.rounds))
-        tree = eqx.tree_at(lambda t: t.cylinder, tree, moved(problem, moves, level))
+    level = depths_of(tree.parent)
+    views, depths, maps = photographs
+    problem = Problem(tree, jnp.asarray(level, jnp.int32), samples, maps, volume)
+    rounds = config.rounds * (int(level.max()) + 1)
+    for done in range(rounds):
+        if done % config.rounds == 0:
+            at = done // config.rounds
+            above = jnp.asarray(ancestors(tree.parent, at), jnp.int32)
+            turn = Turn(jnp.asarray(at, jnp.int32), above)
+            problem = problem._replace(tree=tree)
+            moves = _still(tree.cylinder)
+        current = moved(problem, moves, turn)
+        strands = np.asarray(_strands(tree, current, samples, config.points))
+        found = Found(
+            jnp.asarray(seen_segments(strands, views, depths)),
+            find_pulls(strands, views, depths, done),
+            find_gaps(strands, places, done),
+        )
+        moves = _descend(problem, moves, found, turn, config)
+        after = moved(problem, moves, turn)
+        if (done + 1) % config.rounds == 0:
+            tree = eqx.tree_at(lambda t: t.cylinder, tree, after)
+        progress((done + 1) / rounds)
     return tree
+
+
+def ancestors(parent: tuple[int, ...], level: int) -> list[int]:
+    """Return each cluster's ancestor on a level; itself on that level or above it."""
+    depth = depths_of(parent)
+    found: list[int] = []
+    for index, above in enumerate(parent):
+        found.append(index if depth[index] <= level else found[above])
+    return found
 
 
 def _still(cylinder: GeneralizedCylinder) -> Moves:
@@ -142,13 +180,13 @@ def _strands(tree, cylinder, samples: Samples, points: int):
     )
 
 
-def moved(problem: Problem, moves: Moves, level: Int[Array, ""]) -> GeneralizedCylinder:
-    """Return the clusters after the moves of one level, children carried along.
+def moved(problem: Problem, moves: Moves, turn: Turn) -> GeneralizedCylinder:
+    """Return the clusters after the moves of one level, descendants carried along.
 
     The moves of other levels' clusters are not looked at.
     """
     before = problem.tree.cylinder
-    mine = problem.level == level
+    mine = problem.level == turn.level
 
     def add(values, change):
         shape = (-1,) + (1,) * (values.ndim - 1)
@@ -167,12 +205,11 @@ def moved(problem: Problem, moves: Moves, level: Int[Array, ""]) -> GeneralizedC
         ),
     )
     carried = jax.vmap(carry)(
-        jax.tree.map(lambda leaf: leaf[problem.parent], before),
-        jax.tree.map(lambda leaf: leaf[problem.parent], after),
+        jax.tree.map(lambda leaf: leaf[turn.above], before),
+        jax.tree.map(lambda leaf: leaf[turn.above], after),
         before.skeleton,
     )
-    # Only root clusters, level 0, have something to carry.
-    follows = (level == 0) & ~mine
+    follows = problem.level > turn.level
     kept = jnp.where(follows[:, None, None], carried, after.skeleton)
     return eqx.tree_at(lambda c: c.skeleton, after, kept)
 
@@ -182,9 +219,9 @@ def carry(
     after: GeneralizedCylinder,
     skeleton: Float[Array, "knots 3"],
 ) -> Float[Array, "knots 3"]:
-    """Return a child's skeleton after its parent has changed.
+    """Return a skeleton after an ancestor's cylinder has changed.
 
-    Knot `k` of the child keeps its coordinates in the frame at knot `k` of the parent.
+    Its knot `k` keeps its coordinates in the frame at knot `k` of the ancestor.
     """
     old, new = cylinder_frames(before), cylinder_frames(after)
     axes = jnp.stack([old.tangent, old.normal, old.binormal], axis=1)
@@ -202,24 +239,25 @@ def carry(
 def _descend(
     problem: Problem,
     moves: Moves,
-    seen: Bool[Array, "views strands segments"],
-    pulls: Pulls,
-    level: Int[Array, ""],
+    given: Found,
+    turn: Turn,
     config: RefineConfig,
 ) -> Moves:
     """Return the moves after some steps of Adam."""
 
     def loss(moves):
-        cylinder = moved(problem, moves, level)
+        cylinder = moved(problem, moves, turn)
         strands = _strands(problem.tree, cylinder, problem.samples, config.points)
         bend = jnp.diff(moves.skeleton, n=2, axis=1) / config.sigma_bend
         prior = jnp.mean((moves.skeleton / config.sigma_move) ** 2) + jnp.mean(bend**2)
         for change in (moves.scale, moves.twist, moves.shear):
             prior += jnp.mean((change / config.sigma_map) ** 2)
             prior += jnp.mean((jnp.diff(change, axis=1) / config.sigma_map) ** 2)
-        found = image_loss(strands, seen, problem.maps)
-        found += bare_loss(strands, pulls, problem.maps)
-        return found + head_loss(strands, problem.head) + 0.1 * prior
+        found = image_loss(strands, given.seen, problem.maps)
+        found += bare_loss(strands, given.pulls, problem.maps)
+        found += config.field * field_loss(strands, problem.volume)
+        found += config.gap * gap_loss(strands, given.gaps)
+        return found + head_loss(strands, problem.volume.head) + 0.1 * prior
 
     optimizer = optax.partition(
         {

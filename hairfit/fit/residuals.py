@@ -15,16 +15,11 @@ from scipy.spatial import KDTree
 
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
-from ..model.collide import DistanceField
 from ..render.camera import Camera
 from ..render.raster import cells, project_points, rasterise, visible_points
-from .grid import trilinear_many
-from .hull import Hull
 
 SIGMA_ANGLE = 0.15  # radians
 SIGMA_OUTSIDE = 0.001  # metres
-SIGMA_INSIDE_HEAD = 0.0005  # metres
-CLEARANCE = 0.001  # metres between skin and hair
 SEEN_DEPTH = 0.004  # metres into the hair that a photograph shows
 SHRINK = 2  # the maps are kept at one pixel for 2 by 2
 SIGMA_BARE = 0.001  # metres
@@ -249,24 +244,3 @@ def bare_loss(
         return jnp.sum(pull.share * jnp.minimum(metres, FARTHEST)) / SIGMA_BARE
 
     return jnp.mean(jax.vmap(one)(pulls, maps))
-
-
-def head_field(hull: Hull) -> DistanceField:
-    """Return the head's distance field of a hull."""
-    return DistanceField(
-        jnp.asarray(hull.grid.origin, jnp.float32),
-        jnp.asarray(hull.grid.spacing, jnp.float32),
-        jnp.asarray(hull.head, jnp.float32),
-    )
-
-
-def head_loss(
-    strands: Float[Array, "strands knots 3"], field: DistanceField
-) -> Float[Array, ""]:
-    """Return how deep strands run in the skin; their roots are free."""
-    points = strands[:, 1:].reshape(-1, 3)
-    distance = trilinear_many(
-        field.distance[..., None], field.origin, field.cell, points
-    )
-    deep = jnp.maximum(CLEARANCE - distance, 0.0) / SIGMA_INSIDE_HEAD
-    return jnp.mean(deep**2 / (1.0 + deep))

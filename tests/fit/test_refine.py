@@ -6,16 +6,21 @@ import pytest
 from ball_hair import RADIUS, ball, dome, hull_where, photograph, ring
 from jax.test_util import check_grads
 
+from hairfit.fit.evidence import Field
 from hairfit.fit.refine import (
     Moves,
+    Photographs,
     Problem,
     RefineConfig,
     Samples,
+    Turn,
+    ancestors,
     carry,
     moved,
     refine,
 )
-from hairfit.fit.residuals import head_field, photo_maps
+from hairfit.fit.residuals import photo_maps
+from hairfit.fit.volume import hair_volume
 from hairfit.model import (
     HairTree,
     ScalpContour,
@@ -25,6 +30,7 @@ from hairfit.model import (
     plant,
     sample_roots,
 )
+from hairfit.model.tree import depths_of
 
 KNOTS, POINTS, STRANDS = 8, 12, 800
 CENTRES = [[0.35, 0.4], [0.65, 0.6], [0.3, 0.4], [0.42, 0.4], [0.6, 0.6], [0.7, 0.6]]
@@ -107,16 +113,21 @@ def test_the_gradient_through_a_parent_is_right(tree):
     )
 
 
-def problem_of(tree, samples, maps, head):
-    parent = np.asarray(tree.parent)
-    return Problem(
-        tree,
-        jnp.asarray(np.maximum(parent, 0), jnp.int32),
-        jnp.asarray(parent >= 0, jnp.int32),
-        samples,
-        maps,
-        head,
-    )
+def problem_of(tree, samples, maps, volume):
+    level = jnp.asarray(depths_of(tree.parent), jnp.int32)
+    return Problem(tree, level, samples, maps, volume)
+
+
+def turn_of(tree, level):
+    above = jnp.asarray(ancestors(tree.parent, level), jnp.int32)
+    return Turn(jnp.asarray(level, jnp.int32), above)
+
+
+def test_ancestors_are_found_on_every_level():
+    parent = (-1, -1, 0, 1, 2, 3, 2, 0)
+    assert ancestors(parent, 0) == [0, 1, 0, 1, 0, 1, 0, 0]
+    assert ancestors(parent, 1) == [0, 1, 2, 3, 2, 3, 2, 7]
+    assert ancestors(parent, 2) == list(range(8))
 
 
 def no_moves(tree):
@@ -142,7 +153,10 @@ def scene(tree):
         head=lambda p: np.linalg.norm(p, axis=1) - RADIUS,
     )
     maps = photo_maps(taken.views, taken.maps, taken.depths)
-    return taken, samples, maps, head_field(hull)
+    # Nothing is known of the direction within.
+    nowhere = np.zeros(hull.grid.shape)
+    field = Field(np.zeros((*hull.grid.shape, 3)), nowhere)
+    return taken, samples, maps, hair_volume(hull, field)
 
 
 def strands_of(tree, samples):
@@ -153,8 +167,9 @@ def strands_of(tree, samples):
 def test_moves_of_nothing_change_nothing(tree, scene):
     _, samples, maps, head = scene
     tree = single(tree)
-    for level in jnp.arange(2, dtype=jnp.int32):
-        found = moved(problem_of(tree, samples, maps, head), no_moves(tree), level)
+    for level in range(2):
+        problem = problem_of(tree, samples, maps, head)
+        found = moved(problem, no_moves(tree), turn_of(tree, level))
         for mine, given in zip(
             jax.tree.leaves(found), jax.tree.leaves(tree.cylinder), strict=True
         ):
@@ -168,14 +183,13 @@ def test_moves_of_one_level_move_it_and_what_hangs_on_it(tree, scene):
     shift = jnp.array([0.004, 0.0, -0.002], jnp.float32)
     moves = no_moves(tree)
     moves = moves._replace(skeleton=moves.skeleton + shift[None, None])
-    level = jnp.asarray(0, jnp.int32)
-    change = moved(problem, moves, level).skeleton - tree.cylinder.skeleton
+    change = moved(problem, moves, turn_of(tree, 0)).skeleton - tree.cylinder.skeleton
     assert np.allclose(change[:2, 0], 0.0, atol=1e-9)  # roots stay on the scalp
     for index in (0, 1):
         assert np.allclose(change[index, 1:], shift[None], atol=1e-6)
     # Knots far from the roots see a parent that was shifted, and hardly turned.
     assert np.allclose(change[2:, 4:], shift[None, None], atol=1e-3)
-    only = moved(problem, moves, level + 1).skeleton - tree.cylinder.skeleton
+    only = moved(problem, moves, turn_of(tree, 1)).skeleton - tree.cylinder.skeleton
     assert np.allclose(only[:2], 0.0, atol=1e-9)
     assert np.allclose(only[2:, 1:], shift[None, None], atol=1e-6)
 
@@ -206,10 +220,9 @@ def test_a_displaced_tree_comes_back(tree, scene):
     found = refine(
         single(wrong),
         samples,
-        taken.views,
-        taken.depths,
-        maps,
+        Photographs(taken.views, taken.depths, maps),
         head,
+        truth.reshape(-1, 3),
         CONFIG,
         progress=shares.append,
     )
@@ -225,6 +238,8 @@ def test_a_displaced_tree_comes_back(tree, scene):
 def test_the_true_tree_stays_where_it_is(tree, scene):
     taken, samples, maps, head = scene
     truth = strands_of(single(tree), samples)
-    found = refine(single(tree), samples, taken.views, taken.depths, maps, head, CONFIG)
+    seen = Photographs(taken.views, taken.depths, maps)
+    places = truth.reshape(-1, 3)
+    found = refine(single(tree), samples, seen, head, places, CONFIG)
     after = off_strand(strands_of(found, samples), truth)
     assert after.mean() < 0.001

@@ -7,7 +7,6 @@ from ball_hair import (
     RADIUS,
     ball,
     camera_at,
-    hull_where,
     photograph,
     sphere_depth,
     view_of,
@@ -17,18 +16,14 @@ from jax.test_util import check_grads
 from hairfit.capture.orientation import OrientationMap
 from hairfit.fit.residuals import (
     BARE,
-    CLEARANCE,
     FARTHEST,
     SEEN_DEPTH,
     SIGMA_ANGLE,
     SIGMA_BARE,
-    SIGMA_INSIDE_HEAD,
     SIGMA_OUTSIDE,
     Pulls,
     bare_loss,
     find_pulls,
-    head_field,
-    head_loss,
     image_loss,
     photo_maps,
     seen_segments,
@@ -264,48 +259,6 @@ def test_no_strand_in_sight_and_no_hair_is_no_error():
     view, free = patch()
     behind = [np.zeros_like(depth) for depth in free]
     assert float(find_pulls(curtain(), [view], behind, 0).share.sum()) == 0.0
-
-
-@pytest.fixture(scope="module")
-def skin():
-    """The distance to the ball on a grid, as a field."""
-    hull = hull_where(
-        lambda p: np.linalg.norm(p, axis=1) > RADIUS,
-        [-0.1] * 3,
-        [0.1] * 3,
-        0.005,
-        head=lambda p: np.linalg.norm(p, axis=1) - RADIUS,
-    )
-    return exact(head_field(hull))
-
-
-def radial(start, end, knots=6):
-    """Return one strand along a radius of the ball."""
-    along = np.array([0.6, 0.64, 0.48])
-    return jnp.asarray(np.linspace(start, end, knots)[:, None] * along)[None]
-
-
-def test_outside_the_head_the_loss_is_zero_and_roots_are_free(skin):
-    assert head_loss(radial(RADIUS + 0.002, 0.1), skin) == 0.0
-    strand = radial(RADIUS + 0.002, 0.1).at[:, 0].set(0.0)
-    assert head_loss(strand, skin) == 0.0
-
-
-def test_the_heads_loss_grows_with_the_depth(skin):
-    for depth in (0.0, 0.002, 0.01):
-        deep = (depth + CLEARANCE) / SIGMA_INSIDE_HEAD
-        found = head_loss(radial(RADIUS - depth, RADIUS - depth), skin)
-        assert np.isclose(found, deep**2 / (1 + deep), rtol=0.1)
-
-
-def test_the_heads_losss_gradient_is_right_and_points_inwards(skin):
-    strand = radial(RADIUS + 0.001, RADIUS - 0.006)
-    loss = jax.jit(lambda s: head_loss(s, skin))
-    check_grads(loss, (strand,), order=1, modes=["rev"], eps=1e-7, rtol=1e-3)
-    gradient = np.asarray(jax.grad(loss)(strand))[0]
-    assert (gradient[0] == 0).all()
-    outward = np.asarray(strand[0])
-    assert (np.sum(gradient[-2:] * outward[-2:], axis=1) < 0).all()
 
 
 def test_maps_of_a_ball_have_its_depth():
