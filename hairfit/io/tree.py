@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import InputError
+from ..model.certainty import TreeConfidence
 from ..model.cylinder import GeneralizedCylinder
 from ..model.maps import ScalpMaps
 from ..model.scalp import Scalp
@@ -68,6 +69,11 @@ MAPS: dict[str, Entry] = {
     "maps/colour": Entry(("rows", "columns", 3), 2.0**-12, 1),
     "maps/curl": Entry(("rows", "columns"), 1e-5, 1),
 }
+CONFIDENCE: dict[str, Entry] = {
+    "confidence/sigma_position": Entry(("clusters",), 1e-5),
+    "confidence/sigma_angle": Entry(("clusters",), 2.0**-11),
+    "confidence/photographed": Entry(("clusters",), 2.0**-8),
+}
 COUNTS = {"wisps": ("wisps",), "maps": ("rows", "columns")}
 
 
@@ -75,7 +81,8 @@ def entries_of(header: dict[str, Any]) -> dict[str, Entry]:
     """Return the arrays that a file with this header has."""
     wisps = WISPS if "wisps" in header else {}
     maps = MAPS if "rows" in header else {}
-    return {**TREE, **wisps, **maps}
+    confidence = CONFIDENCE if header.get("confidence") else {}
+    return {**TREE, **wisps, **maps, **confidence}
 
 
 def save_tree(path: Path | str, tree: HairTree, *, exact: bool = False) -> None:
@@ -133,6 +140,8 @@ def header_of(tree: HairTree) -> dict[str, Any]:
         header["wisps"] = len(tree.wisps.owner)
     if tree.maps is not None:
         header["rows"], header["columns"] = tree.maps.density.shape
+    if tree.confidence is not None:
+        header["confidence"] = True
     return header
 
 
@@ -247,6 +256,7 @@ def read_header(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
         and isinstance(parent, list)
         and all(type(header[name]) is int and header[name] >= 0 for name in counts)
         and len(parent) == header["clusters"]
+        and header.get("confidence", True) is True
         and all(type(p) is int and -1 <= p < i for i, p in enumerate(parent))
     )
     if not sane:
@@ -300,7 +310,7 @@ def build_tree(arrays: dict[str, np.ndarray], header: dict[str, Any]) -> HairTre
         names = [name for name in arrays if name.startswith(group + "/")]
         return {name.split("/")[1]: jnp.asarray(arrays[name]) for name in names}
 
-    wisps = maps = None
+    wisps = maps = confidence = None
     if "wisps" in header:
         content = part("wisps")
         owner = content["owner"].astype(jnp.int32)
@@ -309,6 +319,8 @@ def build_tree(arrays: dict[str, np.ndarray], header: dict[str, Any]) -> HairTre
         wisps = Wisps(**(content | {"owner": owner}))
     if "rows" in header:
         maps = ScalpMaps(**part("maps"))
+    if header.get("confidence"):
+        confidence = TreeConfidence(**part("confidence"))
     return HairTree(
         scalp=Scalp(**part("scalp")),
         contour=jax.vmap(lambda one: ScalpContour(**one))(part("contour")),
@@ -317,4 +329,5 @@ def build_tree(arrays: dict[str, np.ndarray], header: dict[str, Any]) -> HairTre
         parent=tuple(header["parent"]),
         wisps=wisps,
         maps=maps,
+        confidence=confidence,
     )

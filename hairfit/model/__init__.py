@@ -6,6 +6,9 @@ from .bind import bind_points as bind_points
 from .bind import follow as follow
 from .bind import update_point as update_point
 from .bind import update_points as update_points
+from .certainty import TreeConfidence as TreeConfidence
+from .certainty import heirs as heirs
+from .certainty import unknown_confidence as unknown_confidence
 from .collide import DistanceField as DistanceField
 from .collide import field_distance as field_distance
 from .collide import push_out_points as push_out_points

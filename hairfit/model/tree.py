@@ -11,6 +11,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int, ScalarLike
 
+from .certainty import TreeConfidence, heirs, unknown_confidence
 from .contour import ANGLES, contour_radius
 from .cylinder import GeneralizedCylinder
 from .maps import ScalpMaps
@@ -47,6 +48,7 @@ class HairTree(eqx.Module):
             before their children.
         wisps: What single hairs do beside their cluster, or None.
         maps: What is painted on the scalp, or None for even hair.
+        confidence: How sure a fit is of each cluster, or None if none has said so.
     """
 
     scalp: Scalp
@@ -56,10 +58,11 @@ class HairTree(eqx.Module):
     parent: tuple[int, ...] = eqx.field(static=True)
     wisps: Wisps | None = None
     maps: ScalpMaps | None = None
+    confidence: TreeConfidence | None = None
 
     def __check_init__(self):
         count = len(self.parent)
-        for name in ("contour", "cylinder", "length_variation"):
+        for name in ("contour", "cylinder", "length_variation", "confidence"):
             for leaf in jax.tree.leaves(getattr(self, name)):
                 if leaf.shape[:1] != (count,):
                     raise ValueError(
@@ -132,9 +135,9 @@ def take(tree: HairTree, keep: Bool[np.ndarray, " clusters"]) -> HairTree:
     index = np.flatnonzero(keep)
     number = np.where(keep, np.cumsum(keep) - 1, -1)
     parent = np.asarray(tree.parent, int)[index]
-    contour, cylinder, variation = jax.tree.map(
+    contour, cylinder, variation, confidence = jax.tree.map(
         lambda leaf: rows_of(leaf, index),
-        (tree.contour, tree.cylinder, tree.length_variation),
+        (tree.contour, tree.cylinder, tree.length_variation, tree.confidence),
     )
     renumbered = tuple(int(number[p]) if p >= 0 else -1 for p in parent)
     wisps = tree.wisps
@@ -144,9 +147,8 @@ def take(tree: HairTree, keep: Bool[np.ndarray, " clusters"]) -> HairTree:
         wisps = jax.tree.map(lambda leaf: rows_of(leaf, held), wisps)
         owner = jnp.asarray(owner[held], wisps.owner.dtype)
         wisps = eqx.tree_at(lambda w: w.owner, wisps, owner)
-    return HairTree(
-        tree.scalp, contour, cylinder, variation, renumbered, wisps, tree.maps
-    )
+    parts = tree.scalp, contour, cylinder, variation, renumbered
+    return HairTree(*parts, wisps, tree.maps, confidence)
 
 
 def rows_of(array: Array | np.ndarray, index: Int[np.ndarray, " rows"]) -> Array:
@@ -190,6 +192,8 @@ def graft(
 ) -> HairTree:
     """Return the tree with clusters added behind those that it has.
 
+    Where the tree knows how sure a fit was, they are as certain as their parents.
+
     Args:
         tree: The tree.
         contour: Their scalp contours, stacked.
@@ -212,9 +216,13 @@ def graft(
         joined, before, (contour, cylinder, length_variation)
     )
     numbers = tree.parent + tuple(int(p) for p in parent)
-    return HairTree(
-        tree.scalp, contour, cylinder, variation, numbers, tree.wisps, tree.maps
-    )
+    confidence = tree.confidence
+    if confidence is not None:
+        source = heirs(tree.count, numbers[tree.count :])
+        known = jax.tree.map(joined, confidence, unknown_confidence())
+        confidence = jax.tree.map(lambda leaf: rows_of(leaf, source), known)
+    parts = tree.scalp, contour, cylinder, variation, numbers
+    return HairTree(*parts, tree.wisps, tree.maps, confidence)
 
 
 def plant(

@@ -15,7 +15,16 @@ import pytest
 from hypothesis import strategies as st
 
 from hairfit.errors import InputError
-from hairfit.io.tree import MAPS, TREE, WISPS, load_tree, round_tree, save_tree
+from hairfit.io.tree import (
+    CONFIDENCE,
+    MAPS,
+    TREE,
+    WISPS,
+    load_tree,
+    round_tree,
+    save_tree,
+)
+from hairfit.model.certainty import TreeConfidence
 from hairfit.model.cylinder import GeneralizedCylinder
 from hairfit.model.maps import ScalpMaps
 from hairfit.model.scalp import Scalp
@@ -47,7 +56,7 @@ def make_tree(clusters=3, knots=5, seed=0):
 
 
 def with_details(tree, seed=0):
-    """Return the tree with wisps and maps."""
+    """Return the tree with wisps, maps and confidence."""
     rng = np.random.default_rng(seed)
 
     def some(*shape):
@@ -56,9 +65,9 @@ def with_details(tree, seed=0):
     knots = tree.cylinder.skeleton.shape[1]
     owner = jnp.asarray(rng.integers(0, tree.count, 7), jnp.int32)
     maps = ScalpMaps(some(4, 6), some(4, 6), some(4, 6), some(4, 6, 3), some(4, 6))
-    return dataclasses.replace(
-        tree, wisps=Wisps(some(7, 2), owner, 0.01 * some(7, knots, 3)), maps=maps
-    )
+    wisps = Wisps(some(7, 2), owner, 0.01 * some(7, knots, 3))
+    sure = TreeConfidence(some(tree.count), some(tree.count), some(tree.count))
+    return dataclasses.replace(tree, wisps=wisps, maps=maps, confidence=sure)
 
 
 def any_tree(test):
@@ -94,8 +103,9 @@ def test_a_tree_comes_back_within_half_a_step(tmp_path_factory, what):
     assert jax.tree.structure(again) == jax.tree.structure(tree)
     assert jax.tree.all(jax.tree.map(jnp.array_equal, again, round_tree(tree)))
     reach = np.maximum(np.mean(again.cylinder.radius, axis=1), 0.0004)
-    for name, entry in {**TREE, **WISPS, **MAPS}.items():
-        if name.split("/")[0] in ("wisps", "maps") and tree.wisps is None:
+    for name, entry in {**TREE, **WISPS, **MAPS, **CONFIDENCE}.items():
+        optional = name.split("/")[0] in ("wisps", "maps", "confidence")
+        if optional and tree.wisps is None:
             continue
         mine, other = (
             np.asarray(functools.reduce(getattr, name.split("/"), one), np.float64)
@@ -114,6 +124,7 @@ def test_a_tree_comes_back_within_half_a_step(tmp_path_factory, what):
 def test_a_tree_of_an_old_version_is_read_for_ever(version):
     tree = load_tree(SAMPLES / f"version{version}.hairtree")
     want = make_tree(3, 5) if version == 1 else with_details(make_tree(3, 5))
+    want = dataclasses.replace(want, confidence=None)  # neither version had it
     assert tree.parent == want.parent
     assert (tree.wisps is None) == (version == 1)
     closest = 0.0 if version == 1 else 0.02  # thin clusters have coarse scales
@@ -254,6 +265,8 @@ def rewrite(folder, change=None, arrays=None, tree=None, exact=True):
         ({"encoding": "steps"}, "`scalp/control` is float32 of shape .* not planes"),
         ({"wisps": 3}, r"is damaged or no \.hairtree"),
         ({"rows": 3}, r"is damaged or no \.hairtree"),
+        ({"confidence": True}, r"is damaged or no \.hairtree"),
+        ({"confidence": 1}, "its clusters do not form a tree"),
     ],
 )
 def test_a_header_that_does_not_fit_is_refused(tmp_path, change, message):
