@@ -31,6 +31,8 @@ from .unseen import place_variance, seen_depth, turn_variance
 # A skeleton's stretch is held to be as long as this at least. Metres.
 SHORTEST = 1e-4
 
+frames_of = jax.jit(jax.vmap(cylinder_frames))
+
 
 @dataclasses.dataclass(frozen=True)
 class ConfidenceConfig:
@@ -111,7 +113,7 @@ def find_evidence(
     within = [outline_distance(view) for view in views]
     every = [tell(pieces, *one) for one in zip(views, maps, within, seen, strict=True)]
     told = Told(*(np.sum(parts, axis=0) for parts in zip(*every, strict=True)))
-    turn = turn_variance(pieces, seen.any(axis=0))
+    turn = turn_variance(pieces, np.any(seen, axis=0))
     deep = seen_depth(pieces, views, depths, within)
     place = 1.0 / place_variance(deep, config.sigma_hull, config.spacing)
     count = with_descendants(tree, pieces.total(np.ones(len(turn))))
@@ -127,8 +129,8 @@ def find_evidence(
 
 
 def with_descendants(
-    tree: HairTree, values: Float[np.ndarray, "first *rest"]
-) -> Float[np.ndarray, "first *rest"]:
+    tree: HairTree, values: Float[np.ndarray, "clusters ..."]
+) -> Float[np.ndarray, "clusters ..."]:
     """Return sums over each cluster and all below it."""
     total = np.array(values)
     for i in range(tree.count - 1, -1, -1):
@@ -175,7 +177,7 @@ def solve(
 
 def across(tree: HairTree) -> Float[np.ndarray, "clusters knots 3 2"]:
     """Return the two directions across each cluster at each knot."""
-    frames = jax.vmap(cylinder_frames)(tree.cylinder)
+    frames = frames_of(tree.cylinder)
     return np.stack(
         [np.asarray(frames.normal, np.float64), np.asarray(frames.binormal)], axis=-1
     )

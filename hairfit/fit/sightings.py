@@ -54,7 +54,15 @@ class Pieces(NamedTuple):
 
     def some(self, index: np.ndarray) -> "Pieces":
         """Return the pieces at `index`."""
-        return Pieces(*(array[index] for array in self[:-2]), *self[-2:])
+        return self._replace(
+            middle=self.middle[index],
+            tangent=self.tangent[index],
+            speed=self.speed[index],
+            strand=self.strand[index],
+            owner=self.owner[index],
+            stretch=self.stretch[index],
+            share=self.share[index],
+        )
 
     def total(
         self, values: Float[np.ndarray, " pieces"]
@@ -114,8 +122,8 @@ def pieces_of(
 
 def outline_distance(view: View) -> Float[np.ndarray, "height width"]:
     """Return how far inside the hair's mask each pixel lies, negative outside."""
-    inside = ndimage.distance_transform_edt(view.hair)
-    return inside - ndimage.distance_transform_edt(~view.hair)
+    inside = np.asarray(ndimage.distance_transform_edt(view.hair))
+    return inside - np.asarray(ndimage.distance_transform_edt(~view.hair))
 
 
 def tell(
@@ -230,8 +238,9 @@ def outline_rows(
     """
     metres = depth / float(view.camera.K[0, 0])
     away = within[at.row, at.column] * metres
-    change = np.stack(np.gradient(ndimage.gaussian_filter(within, 1.0)), axis=-1)
-    change = change[at.row, at.column, ::-1] * metres[:, None]
+    even = ndimage.gaussian_filter(within, 1.0)
+    change = [np.gradient(even, axis=axis)[at.row, at.column] for axis in (1, 0)]
+    change = np.stack(change, axis=-1) * metres[:, None]
     move = np.einsum("pi,pij->pj", change, shift)
     share = pieces.share[:, None]
     slope = np.hstack([(1.0 - share) * move, share * move])

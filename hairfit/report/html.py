@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from ..capture.photos import encode_picture
+from .certainty import LEGEND
 
 # Pictures are reduced to the first height at which all fit into the report's size.
 HEIGHTS = (480, 360, 240, 160)
@@ -30,6 +31,7 @@ section.view { display: grid; grid-template-columns: repeat(3, 1fr); gap: .8rem;
 section.view h3 { grid-column: 1 / -1; margin: 0; font-size: 1rem; }
 section.view h3 span { font-weight: normal; color: var(--soft); margin-left: 1rem; }
 figure { margin: 0; } img { width: 100%; border-radius: 4px; display: block; }
+section.sides { display: grid; grid-template-columns: repeat(4, 1fr); gap: .8rem; }
 #turntable { max-width: 26rem; } #turntable img { display: none; }
 #turntable img.shown { display: block; } #turntable input { width: 100%; }
 """
@@ -67,6 +69,7 @@ def report_html(
     figures: dict[str, Any],
     turntable: Sequence[UInt8[np.ndarray, "height width 3"]],
     warnings: Sequence[str] = (),
+    certainty: Sequence[UInt8[np.ndarray, "height width 3"]] = (),
 ) -> str:
     """Return the whole report as one HTML text without any outer link.
 
@@ -76,12 +79,14 @@ def report_html(
         figures: Figures over all; nested ones are shown as `outer / inner`.
         turntable: Pictures of the hair from all around, evenly spread.
         warnings: Sentences on photographs that contradict the others.
+        certainty: Pictures of the hair coloured by how sure the fit is of it.
     """
-    encoded = encode_all(pages, turntable)
+    encoded = encode_all(pages, turntable, certainty)
     body = [
         f"<h1>{html.escape(title)}</h1>",
         warnings_html(warnings),
         turntable_html(encoded.turntable),
+        certainty_html(encoded.certainty),
         "<h2>Figures</h2>",
         table_html(flat(figures)),
         "<h2>Photographs</h2>",
@@ -104,15 +109,17 @@ def report_html(
 
 @dataclasses.dataclass(frozen=True)
 class Encoded:
-    """All pictures of a report as `data:` links: three a view, and the turntable."""
+    """All pictures of a report as `data:` links: three a view, and those of all."""
 
     views: list[list[str]]
     turntable: list[str]
+    certainty: list[str]
 
 
 def encode_all(
     pages: Sequence[ViewPage],
     turntable: Sequence[UInt8[np.ndarray, "height width 3"]],
+    certainty: Sequence[UInt8[np.ndarray, "height width 3"]],
 ) -> Encoded:
     """Return the pictures as large as fits into the report's size."""
     pictures = [
@@ -122,7 +129,7 @@ def encode_all(
     for height in HEIGHTS:
         files = [
             encode_picture(picture, ".jpg", height=height)
-            for picture in (*pictures, *turntable)
+            for picture in (*pictures, *turntable, *certainty)
         ]
         if sum(map(len, files)) <= MOST_BYTES:
             break
@@ -130,7 +137,8 @@ def encode_all(
         "data:image/jpeg;base64," + base64.b64encode(file).decode() for file in files
     ]
     views = [links[3 * k : 3 * k + 3] for k in range(len(pages))]
-    return Encoded(views, links[3 * len(pages) :])
+    rest = links[3 * len(pages) :]
+    return Encoded(views, rest[: len(turntable)], rest[len(turntable) :])
 
 
 def view_html(page: ViewPage, pictures: Sequence[str]) -> str:
@@ -159,6 +167,17 @@ def turntable_html(links: Sequence[str]) -> str:
     return (
         f"<div id='turntable'>{frames}<input type='range' min='0' "
         f"max='{len(links) - 1}' value='0' aria-label='turn'></div>"
+    )
+
+
+def certainty_html(links: Sequence[str]) -> str:
+    """Return the pictures of how sure the fit is, with what their colours mean."""
+    if not links:
+        return ""
+    shown = "".join(f"<img src='{link}' alt='how sure the fit is'>" for link in links)
+    return (
+        f"<h2>How sure the fit is</h2><p class='soft'>{html.escape(LEGEND)}</p>"
+        f"<section class='sides'>{shown}</section>"
     )
 
 

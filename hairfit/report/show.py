@@ -9,6 +9,7 @@ from ..evaluate.photographs import PhotographErrors, compare_with_photograph
 from ..evaluate.visibility import even_strands, look
 from ..fit import FitResult
 from ..render.raster import rasterise
+from .certainty import certainty_pictures
 from .drawing import draw_hair, orbit_cameras
 from .html import ViewPage, report_html
 from .pictures import (
@@ -54,11 +55,13 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     frames = drawn[len(cameras) :]
     names = [page.name for page in pages]
     names += [f"turntable-{k:02}" for k in range(len(frames))]
-    for name, picture in zip(names, drawn, strict=True):
+    sure = certainty_pictures(fitted.tree, capture.head)
+    names += [f"certainty-{k:02}" for k in range(len(sure))]
+    for name, picture in zip(names, [*drawn, *sure], strict=True):
         (previews / f"{name}.png").write_bytes(encode_picture(picture, ".png"))
     title = f"{capture.folder.resolve().name}, recovered from {len(pages)} photographs"
     warnings = [doubt.sentence for doubt in fitted.doubts]
-    text = report_html(title, pages, fitted.figures, frames, warnings)
+    text = report_html(title, pages, fitted.figures, frames, warnings, sure)
     (folder / "report.html").write_text(text, encoding="utf-8")
     return photographs
 

@@ -1,0 +1,56 @@
+"""Hair coloured by how sure the fit is of it."""
+
+import dataclasses
+
+import jax
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from ..model.certainty import TreeConfidence
+from ..model.strand import sample_hair
+from ..model.tree import HairTree
+from ..render.scene import HairLook
+from ..render.studio import preview_scene
+from ..types import Mesh
+from .drawing import draw_preview, orbit_cameras
+
+# Hair is right that lies so near to where it is said to run. Metres, radians.
+RIGHT_PLACE, RIGHT_WAY = 0.003, np.radians(30.0)
+STRANDS, POINTS = 8000, 32
+VIEWS = 4
+SIZE = (360, 450)
+# Linear RGB from a guess to what is sure, at even steps.
+RAMP = np.array([[0.60, 0.02, 0.01], [0.62, 0.52, 0.36], [0.02, 0.10, 0.62]])
+
+LEGEND = (
+    "How likely hair lies within 3 mm and 30° of where it is shown, cluster by "
+    "cluster: blue is sure, pale is as likely right as wrong, red is a guess. From the "
+    "front, the person's left, the back and the right."
+)
+
+
+def certainty_pictures(
+    tree: HairTree, head: Mesh | None
+) -> list[UInt8[np.ndarray, "height width 3"]]:
+    """Return pictures of the hair in the colours of `LEGEND`, from four sides.
+
+    None if the tree does not say how sure it is, or grows no hair.
+    """
+    if tree.confidence is None:
+        return []
+    hair = sample_hair(tree, STRANDS, POINTS, jax.random.key(0))
+    if not len(hair.owner):
+        return []
+    strands = np.asarray(hair.strands, np.float64)
+    scene = preview_scene(strands, head)
+    look = HairLook(width=scene.look.width, specular=(0.0, 0.0, 0.0), variation=0.1)
+    tint = certainty_colour(tree.confidence)[np.asarray(hair.owner)]
+    scene = dataclasses.replace(scene, look=look, tint=tint)
+    return draw_preview(scene, orbit_cameras(strands, VIEWS, SIZE))
+
+
+def certainty_colour(confidence: TreeConfidence) -> Float[np.ndarray, "clusters 3"]:
+    """Return the colour of each cluster, linear RGB."""
+    chance = np.asarray(confidence.chance(RIGHT_PLACE, RIGHT_WAY), np.float64)
+    at = np.linspace(0.0, 1.0, len(RAMP))
+    return np.stack([np.interp(chance, at, channel) for channel in RAMP.T], axis=-1)
