@@ -26,7 +26,7 @@ from ..model.tree import HairTree, leaves, levels
 from .refine import Samples
 from .residuals import seen_segments
 from .sightings import Told, outline_distance, pieces_of, scatter, tell
-from .unseen import place_variance, seen_depth, turn_variance
+from .unseen import find_room, place_variance, turn_variance
 
 # A skeleton's stretch is held to be as long as this at least. Metres.
 SHORTEST = 1e-4
@@ -62,7 +62,7 @@ class Evidence(NamedTuple):
 
     photographs: Float[np.ndarray, "clusters stretches 6 6"]
     turn: Float[np.ndarray, "clusters stretches"]
-    place: Float[np.ndarray, "clusters stretches"]
+    place: Float[np.ndarray, "clusters stretches 3 3"]
     scatter: Float[np.ndarray, " clusters"]
 
 
@@ -114,8 +114,9 @@ def find_evidence(
     every = [tell(pieces, *one) for one in zip(views, maps, within, seen, strict=True)]
     told = Told(*(np.sum(parts, axis=0) for parts in zip(*every, strict=True)))
     turn = turn_variance(pieces, np.any(seen, axis=0))
-    deep = seen_depth(pieces, views, depths, within)
-    place = 1.0 / place_variance(deep, config.sigma_hull, config.spacing)
+    room = find_room(pieces, views, depths, within)
+    variance = place_variance(room.deep, config.sigma_hull, config.spacing)
+    place = pieces.totals(room.across / variance[:, None, None])
     count = with_descendants(tree, pieces.total(np.ones(len(turn))))
     some = np.maximum(count, 1.0)
     told = Told(*(with_descendants(tree, part) for part in told))
@@ -123,7 +124,7 @@ def find_evidence(
     return Evidence(
         told.info / some[..., None, None],
         np.where(count > 0, turns, turn.max()),
-        with_descendants(tree, pieces.total(place)) / some,
+        with_descendants(tree, place) / some[..., None, None],
         scatter(told, config.points),
     )
 
@@ -153,7 +154,8 @@ def solve(
     photographs = system(basis, evidence.photographs)
     held = system(basis, np.kron(apart, eye) * turn[..., None, None])
     held += stiffness(basis) / config.sigma_bend**2
-    place = system(basis, np.kron(middle, eye) * evidence.place[..., None, None])
+    place = np.einsum("ab,ckxy->ckaxby", middle, evidence.place)
+    place = system(basis, place.reshape(evidence.photographs.shape))
     size = held.shape[-1]
     covariance, share = np.zeros_like(held), np.zeros(tree.count)
     for row in levels(tree):

@@ -64,6 +64,16 @@ class Pieces(NamedTuple):
             share=self.share[index],
         )
 
+    def totals(
+        self, values: Float[np.ndarray, "pieces 3 3"]
+    ) -> Float[np.ndarray, "clusters stretches 3 3"]:
+        """Return the sums of symmetric matrices over the pieces of each stretch."""
+        out = np.zeros((self.clusters, self.stretches, 3, 3))
+        for i in range(3):
+            for j in range(i + 1):
+                out[..., i, j] = out[..., j, i] = self.total(values[:, i, j])
+        return out
+
     def total(
         self, values: Float[np.ndarray, " pieces"]
     ) -> Float[np.ndarray, "clusters stretches"]:
@@ -121,9 +131,11 @@ def pieces_of(
 
 
 def outline_distance(view: View) -> Float[np.ndarray, "height width"]:
-    """Return how far inside the hair's mask each pixel lies, negative outside."""
+    """Return how many pixels each is inside the hair's mask, negative outside."""
     inside = np.asarray(ndimage.distance_transform_edt(view.hair))
-    return inside - np.asarray(ndimage.distance_transform_edt(~view.hair))
+    outside = np.asarray(ndimage.distance_transform_edt(~view.hair))
+    # From pixel to pixel, while the outline lies half way between them.
+    return np.where(view.hair, inside - 0.5, 0.5 - outside)
 
 
 def tell(
@@ -173,6 +185,15 @@ def pixel_slopes(
     return intrinsic @ slope @ pose[:3, :3] / p_cam[:, 2, None, None]
 
 
+def sight_lines(
+    points: Float[np.ndarray, "points 3"], view: View
+) -> Float[np.ndarray, "points 3"]:
+    """Return the directions from a camera to points."""
+    pose = np.asarray(view.camera.cam_from_world, np.float64)
+    ray = points + pose[:3, :3].T @ pose[:3, 3]
+    return ray / np.linalg.norm(ray, axis=1, keepdims=True)
+
+
 def angle_rows(
     pieces: Pieces,
     view: View,
@@ -186,10 +207,7 @@ def angle_rows(
     photograph shows another angle: what two views that see it differ by. A photograph
     that the strand is at odds with is known less well by as much.
     """
-    pose = np.asarray(view.camera.cam_from_world, np.float64)
-    ray = pieces.middle + pose[:3, :3].T @ pose[:3, 3]
-    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-    normal = np.cross(ray, pieces.tangent)
+    normal = np.cross(sight_lines(pieces.middle, view), pieces.tangent)
     sine = np.linalg.norm(normal, axis=1, keepdims=True)
     turn = normal / np.maximum(sine, 1e-6) / np.maximum(sine, LEAST_SINE)
     turn = turn / pieces.speed[:, None]

@@ -14,7 +14,7 @@ from scipy.special import ndtr
 
 from ..capture.capture import View
 from ..render.raster import cells, project_points
-from .sightings import Pieces
+from .sightings import Pieces, sight_lines
 
 NEIGHBOURS = 24
 # Pairs of seen pieces are compared up to the last of these distances. Metres.
@@ -48,8 +48,8 @@ def turn_variance(
 
 
 def half_square(
-    first: Float[np.ndarray, "*pairs 3"], second: Float[np.ndarray, "*pairs 3"]
-) -> Float[np.ndarray, "*pairs"]:
+    first: Float[np.ndarray, "*#pairs 3"], second: Float[np.ndarray, "*#pairs 3"]
+) -> Float[np.ndarray, "..."]:
     """Return half of the squared angle between lines."""
     cosine = np.abs(np.einsum("...x,...x->...", first, second))
     return 0.5 * np.arccos(np.minimum(cosine, 1.0)) ** 2
@@ -112,22 +112,45 @@ def place_variance(
     return np.where(known, variance, np.inf)
 
 
-def seen_depth(
+class Room(NamedTuple):
+    """What masks leave for hair around pieces of it.
+
+    Attributes:
+        deep: Least distance to an outline in any view, in metres, negative outside of a
+            mask; infinite where the head hides a piece from all views.
+        across: Share of the views that bound where it lies, in each direction: none
+            does along its own line of sight.
+    """
+
+    deep: Float[np.ndarray, " pieces"]
+    across: Float[np.ndarray, "pieces 3 3"]
+
+
+def find_room(
     pieces: Pieces,
     views: Sequence[View],
     depths: Sequence[Float[np.ndarray, "_height _width"]],
     within: Sequence[Float[np.ndarray, "_height _width"]],
-) -> Float[np.ndarray, " pieces"]:
-    """Return how deep pieces lie in what all masks leave for hair, in metres.
+) -> Room:
+    """Return what masks leave for hair around pieces of it.
 
-    That is the least distance to an outline, negative outside of a mask, and infinite
-    where the head hides a piece from all views.
+    Args:
+        pieces: The pieces.
+        views: The photographs.
+        depths: Depth of the head in them, in metres.
+        within: Their `outline_distance`.
     """
-    deep = np.full(len(pieces.middle), np.inf)
+    count = len(pieces.middle)
+    deep, across = np.full(count, np.inf), np.zeros((count, 3, 3))
+    views_of = np.zeros(count)
     for view, behind, inside in zip(views, depths, within, strict=True):
         land = project_points(pieces.middle, view.camera)
         at = cells(land, view.camera.width, view.camera.height)
         free = at.inside & (land.depth < behind[at.row, at.column])
         metres = inside[at.row, at.column] * land.depth / float(view.camera.K[0, 0])
         deep = np.where(free, np.minimum(deep, metres), deep)
-    return deep
+        ray = sight_lines(pieces.middle, view)
+        open_ = np.eye(3) - ray[:, :, None] * ray[:, None]
+        across += free[:, None, None] * open_
+        views_of += free
+    return Room(deep, across / np.maximum(views_of, 1.0)[:, None, None])

@@ -23,6 +23,15 @@ def test_a_report_without_a_turntable_has_no_slider():
     assert "type='range'" not in report_html("anna", [page("00")], {}, [])
 
 
+def test_how_sure_the_fit_is_is_shown_with_what_its_colours_mean():
+    sides = [page("side").photo] * 4
+    text = report_html("anna", [page("00")], {}, [], certainty=sides)
+    assert text.count("data:image/jpeg;base64,") == 3 + 4
+    assert text.index("How sure the fit is") < text.index("blue is sure")
+    assert text.index("red is a guess") < text.index("<section class='sides'>")
+    assert "How sure" not in report_html("anna", [page("00")], {}, [])
+
+
 def test_a_large_report_is_reduced_to_six_megabytes():
     pages = [page(str(k), (480, 480), k) for k in range(12)]
     assert len(report_html("anna", pages, {}, [])) < 6_000_000
