@@ -42,7 +42,7 @@ class TreeConfidence(eqx.Module):
         """
 
         def within(limit, sigma):
-            return -jnp.expm1(-0.5 * (limit / jnp.maximum(sigma, 1e-9)) ** 2)
+            return -jnp.expm1(-0.5 * (float(limit) / jnp.maximum(sigma, 1e-9)) ** 2)
 
         return within(radius, self.sigma_position) * within(angle, self.sigma_angle)
 

@@ -1,6 +1,7 @@
 """Hair coloured by how sure the fit is of it."""
 
 import dataclasses
+import math
 
 import jax
 import numpy as np
@@ -15,7 +16,7 @@ from ..types import Mesh
 from .drawing import draw_preview, orbit_cameras
 
 # Hair is right that lies so near to where it is said to run. Metres, radians.
-RIGHT_PLACE, RIGHT_WAY = 0.003, np.radians(30.0)
+RIGHT_PLACE, RIGHT_WAY = 0.003, math.radians(30.0)
 STRANDS, POINTS = 8000, 32
 VIEWS = 4
 SIZE = (360, 450)
