@@ -30,6 +30,8 @@ from .unseen import find_room, place_variance, turn_variance
 
 # A skeleton's stretch is held to be as long as this at least. Metres.
 SHORTEST = 1e-4
+# Hair is never held to run as the hair around it by less than this. Radians.
+LEAST_TURN = 0.01
 
 frames_of = jax.jit(jax.vmap(cylinder_frames))
 
@@ -150,7 +152,7 @@ def solve(
     basis = across(tree)
     eye = np.eye(3)
     apart, middle = np.array([[1, -1], [-1, 1]]), np.full((2, 2), 0.25)
-    turn = 1.0 / (evidence.turn * step**2)
+    turn = 1.0 / (np.maximum(evidence.turn, LEAST_TURN**2) * step**2)
     photographs = system(basis, evidence.photographs)
     held = system(basis, np.kron(apart, eye) * turn[..., None, None])
     held += stiffness(basis) / config.sigma_bend**2
@@ -165,16 +167,16 @@ def solve(
         if above[0] >= 0:
             stay += carried(covariance[above], basis[above], basis[row])
         prior = np.linalg.inv(stay) + held[row]
-        open_ = np.linalg.inv(prior + photographs[row])
-        share[row] = np.einsum("cij,cji->c", open_, photographs[row]) / size
+        shown = np.linalg.inv(prior + photographs[row])
+        share[row] = np.einsum("cij,cji->c", shown, photographs[row]) / size
         covariance[row] = np.linalg.inv(prior + photographs[row] + place[row])
     errors = knot_errors(covariance, basis, step)
     angle = errors.angle + evidence.scatter
-    place_, angle, share = (
+    position, angle, share = (
         mean_of_leaves(tree, values) for values in (errors.position, angle, share)
     )
-    single = (np.sqrt(place_), np.sqrt(angle), np.clip(share, 0.0, 1.0))
-    return TreeConfidence(*(jnp.asarray(values, jnp.float32) for values in single))
+    found = np.sqrt(position), np.sqrt(angle), np.clip(share, 0.0, 1.0)
+    return TreeConfidence(*(jnp.asarray(values, jnp.float32) for values in found))
 
 
 def across(tree: HairTree) -> Float[np.ndarray, "clusters knots 3 2"]:

@@ -87,6 +87,12 @@ def test_the_direction_of_hair_around_and_the_masks_are_held_but_not_photographe
     assert turned.photographed[0] == placed.photographed[0] == 0.0
 
 
+def test_hair_that_is_all_parallel_has_a_finite_confidence():
+    tree = planted((-1, 0), [[0.5, 0.5]] * 2, 4)
+    found = solve(tree, evidence(tree, turn=0.0), ConfidenceConfig())
+    assert 0.0 < found.sigma_angle[1] < 0.02 and 0.0 < found.sigma_position[1] < 0.002
+
+
 def test_a_parent_that_is_photographed_vouches_for_its_children():
     tree = planted((-1, 0, -1, 2), [[0.3, 0.5], [0.3, 0.5], [0.7, 0.5], [0.7, 0.5]], 6)
     told = np.zeros((4, 5, 6, 6))
