@@ -55,6 +55,7 @@ def test_added_clusters_are_as_certain_as_what_they_belong_to(tree):
     # One under cluster 3, one under that one, and one that belongs to none.
     grown = graft(tree, contour, cylinder, variation, [3, 4, -1])
     known = grown.confidence
+    assert known is not None
     want = [0.001, 0.002, 0.003, 0.004, 0.004, 0.004, UNKNOWN_POSITION]
     assert np.allclose(known.sigma_position, want)
     assert np.isclose(known.sigma_angle[-1], UNKNOWN_ANGLE)
