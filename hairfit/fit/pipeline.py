@@ -22,6 +22,7 @@ from ..model.tree import HairTree, leaves, levels
 from ..render.raster import mesh_depth
 from ..types import Mesh, Strands
 from .checkpoint import Checkpoint
+from .confidence import with_confidence
 from .derive import derive_strands
 from .evidence import Field, diffuse, gather
 from .flow import hair_flow
@@ -163,8 +164,12 @@ def fit_capture(
         preset.refine,
         progress=lambda share: progress("refining the tree", 0.6 + 0.35 * share),
     )
+    tree = prune(tree, _samples(tree, preset, config), hull)
+    progress("finding what is certain", 0.95)
+    samples = _samples(tree, preset, config)
+    tree = with_confidence(tree, samples, views, depths, maps)
     # Rounded as its file will hold it, so that the strands are those of the file.
-    tree = round_tree(prune(tree, _samples(tree, preset, config), hull))
+    tree = round_tree(tree)
     progress("drawing strands", 0.96)
     strands = derive_strands(tree, head, config.strands, STRAND_POINTS, config.seed)
     parent = np.asarray(tree.parent)

@@ -82,6 +82,18 @@ def test_the_tree_has_its_levels_and_its_figures_are_right(fitted):
 
 
 @pytest.mark.slow
+def test_the_tree_says_how_sure_its_clusters_are(fitted):
+    result, _ = fitted
+    known = result.tree.confidence
+    assert known is not None
+    assert known.photographed.shape == (result.tree.count,)
+    photographed = np.asarray(known.photographed)
+    assert 0.0 <= photographed.min() < 0.1 < photographed.max() < 1.0
+    assert 1e-4 < known.sigma_position.min() <= known.sigma_position.max() < 0.03
+    assert 0.01 < known.sigma_angle.min() <= known.sigma_angle.max() < 1.5
+
+
+@pytest.mark.slow
 def test_hair_lies_where_the_photographs_show_it(fitted, capture):
     result, _ = fitted
     covered = []
