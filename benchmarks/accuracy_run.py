@@ -218,14 +218,7 @@ def photograph_errors(
         compare_with_photograph(drawn, sight)
         for sight in look(loaded.head, loaded.views)
     ]
-    return {
-        one.name: {
-            "mean_angle_deg": one.mean_angle_deg,
-            "median_angle_deg": one.median_angle_deg,
-            "hair_iou": one.iou,
-        }
-        for one in errors
-    }
+    return {one.name: one.to_dict() for one in errors}
 
 
 def photograph_means(

@@ -51,3 +51,22 @@ class Mesh:
 
     vertices: Float[np.ndarray, "vertices 3"]
     faces: Int[np.ndarray, "faces 3"]
+
+
+def resample_paths(
+    paths: Float[np.ndarray, "strands steps 3"], knots: int
+) -> Float[np.ndarray, "strands knots 3"]:
+    """Return polylines with equal distances; repeated last points do no harm."""
+    lengths = np.linalg.norm(np.diff(paths, axis=1), axis=2)
+    along = np.concatenate([np.zeros((len(paths), 1)), np.cumsum(lengths, axis=1)], 1)
+    at = along[:, -1:] * np.linspace(0.0, 1.0, knots)
+    # One search for all strands: each has its own interval of a common line.
+    start = np.arange(len(paths))[:, None] * (along[:, -1].max(initial=0.0) + 1.0)
+    flat = (along + start).ravel()
+    index = np.searchsorted(flat, (at + start).ravel(), side="right").reshape(at.shape)
+    low = index - np.arange(len(paths))[:, None] * paths.shape[1] - 1
+    low = np.clip(low, 0, paths.shape[1] - 2)
+    row = np.arange(len(paths))[:, None]
+    step = np.maximum(along[row, low + 1] - along[row, low], 1e-12)
+    share = np.clip((at - along[row, low]) / step, 0.0, 1.0)[..., None]
+    return paths[row, low] * (1 - share) + paths[row, low + 1] * share

@@ -85,6 +85,8 @@ class FakeFit:
             strands=hair(),
             figures={"loss": 0.125},
             maps=[found for _ in capture.views],
+            views=tuple(capture.views),
+            doubts=(),
         )
 
 

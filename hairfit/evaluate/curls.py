@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.interpolate import CubicSpline
 
-from ..types import Strands
+from ..types import Strands, resample_paths
 from .visibility import even_strands
 
 LEAST_RADIUS = 3e-4
@@ -144,7 +144,7 @@ def curls_of_rows(points: Float[np.ndarray, "strands knots 3"]) -> Curls:
         spline = CubicSpline(np.arange(knots), points, axis=1)
         points = spline(np.linspace(0, knots - 1, FINER * (knots - 1) + 1))
     # From the root, in float32: half of the time, and still finer than a micrometre.
-    rows = (along_evenly(points, SAMPLES) - points[:, :1]).astype(np.float32)
+    rows = (resample_paths(points, SAMPLES) - points[:, :1]).astype(np.float32)
     peak = strongest_period(rows, knots)
     # In samples; a window that is as long as the strand leaves nothing to measure.
     period = np.clip(peak.period, 2.0, (SAMPLES - 1) / LEAST_PERIODS)
@@ -164,26 +164,6 @@ def curls_of_rows(points: Float[np.ndarray, "strands knots 3"]) -> Curls:
     steep = 2.0 * np.pi * radius >= np.tan(np.radians(LEAST_ANGLE_DEG)) * pitch
     curled = (peak.share >= LEAST_SHARE) & (radius >= LEAST_RADIUS) & steep
     return Curls(radius.astype(np.float64), pitch.astype(np.float64), curled)
-
-
-def along_evenly(
-    points: Float[np.ndarray, "strands knots 3"], count: int
-) -> Float[np.ndarray, "strands count 3"]:
-    """Return strands with `count` points at equal distances along their segments."""
-    strands, knots, _ = points.shape
-    steps = np.linalg.norm(np.diff(points, axis=1), axis=2)
-    along = np.concatenate([np.zeros((strands, 1)), np.cumsum(steps, axis=1)], axis=1)
-    share = along / np.maximum(along[:, -1:], 1e-12)
-    # Shares of one strand after the other, two apart, so that one search finds all.
-    row = np.arange(strands)[:, None]
-    at = np.linspace(0.0, 1.0, count)[None]
-    index = np.searchsorted((share + 2.0 * row).ravel(), (at + 2.0 * row).ravel())
-    index = index.reshape(strands, count) - knots * row
-    index = np.clip(index - 1, 0, knots - 2)
-    low = np.take_along_axis(share, index, 1)
-    width = np.take_along_axis(share, index + 1, 1) - low
-    part = np.clip((at - low) / np.maximum(width, 1e-12), 0.0, 1.0)[..., None]
-    return (1.0 - part) * points[row, index] + part * points[row, index + 1]
 
 
 class Peak(NamedTuple):

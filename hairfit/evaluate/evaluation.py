@@ -71,12 +71,7 @@ class Evaluation:
             "share_rooted": self.head.rooted,
         }
         figures["photographs"] = self.photographs and {
-            photo.name: {
-                "mean_angle_deg": photo.mean_angle_deg,
-                "median_angle_deg": photo.median_angle_deg,
-                "hair_iou": photo.iou,
-            }
-            for photo in self.photographs
+            photo.name: photo.to_dict() for photo in self.photographs
         }
         return figures
 

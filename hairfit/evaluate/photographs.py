@@ -31,6 +31,14 @@ class PhotographErrors:
     median_angle_deg: float | None
     iou: float
 
+    def to_dict(self) -> dict[str, float | None]:
+        """Return the figures without the name, ready for JSON."""
+        return {
+            "mean_angle_deg": self.mean_angle_deg,
+            "median_angle_deg": self.median_angle_deg,
+            "hair_iou": self.iou,
+        }
+
 
 class WeightedErrors(NamedTuple):
     """Mean and median, weighted."""

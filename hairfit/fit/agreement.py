@@ -16,7 +16,7 @@ from ..capture.capture import View
 from ..capture.cranium import find_cranium
 from ..render.raster import cells, project_points
 from ..types import Mesh
-from .grid import Grid
+from .grid import Grid, in_coarser
 from .hull import REACH, WITNESSES, allowed_voxels
 
 SPACING = 0.008  # metres
@@ -68,9 +68,7 @@ def find_candidates(
     found = coarse.centres(allowed)
     allowed = np.asarray(ndimage.binary_dilation(allowed), bool)
     grid = Grid.around(found.min(axis=0) - COARSE, found.max(axis=0) + COARSE, SPACING)
-    parent = coarse.voxel(grid.centres(np.ones(grid.shape, bool)))
-    parent = np.clip(parent, 0, np.array(coarse.shape) - 1)
-    near = allowed[tuple(parent.T)].reshape(grid.shape)
+    near = in_coarser(grid, coarse, allowed)
     fine = allowed_voxels(grid, near, views, depths, SPACING * focal, spare=spare)
     return grid.centres(fine)
 

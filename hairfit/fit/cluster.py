@@ -1,7 +1,6 @@
 """What all ways of clustering strands share: k-means, and where clusters are rooted."""
 
 import warnings
-from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -9,21 +8,7 @@ from jaxtyping import Float, Int
 from scipy.cluster.vq import kmeans2
 
 from ..model.scalp import Scalp, scalp_tangents
-from ..model.tree import HairTree, ScalpContour
-
-
-class Layout(NamedTuple):
-    """Where the clusters of a tree are rooted and how they hang together.
-
-    Attributes:
-        tree: The clusters, root clusters first, planted as straight stubs.
-        metric: Metres on the scalp for 1 of scalp space at each contour's centre.
-        owner: The leaf that owns each strand, -1 if none does.
-    """
-
-    tree: HairTree
-    metric: Float[np.ndarray, " clusters"]
-    owner: Int[np.ndarray, " strands"]
+from ..model.tree import ScalpContour
 
 
 def scalp_metric(scalp: Scalp, contour: ScalpContour) -> Float[np.ndarray, " clusters"]:

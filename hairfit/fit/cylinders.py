@@ -14,7 +14,6 @@ from ..model.cylinder import GeneralizedCylinder, cylinder_frames
 from ..model.section import with_section_maps
 from ..model.strand import strand_knots
 from ..model.tree import HairTree, ScalpContour
-from .cluster import Layout
 
 # Strands of one cluster differ by about so much from its linear map. Metres.
 SPREAD = 0.002
@@ -58,26 +57,24 @@ class Problem(NamedTuple):
     units: tuple[Array, Array]
 
 
-def refine_cylinders(
-    layout: Layout, start: GeneralizedCylinder, members: Members, steps: int
-) -> FittedTree:
+def refine_cylinders(tree: HairTree, members: Members, steps: int) -> FittedTree:
     """Return the tree whose clusters come closest to their strands, from a start.
 
-    All parameters move together by Levenberg-Marquardt, matrix-free.
+    All parameters of cylinders move together by Levenberg-Marquardt, matrix-free.
 
     Args:
-        layout: The clusters' contours and topology.
-        start: The cylinders to start from, stacked.
+        tree: The tree to start from.
         members: The strands of every cluster, on all levels.
         steps: Most steps.
     """
+    start, contour = tree.cylinder, tree.contour
     # Half of the strands say enough about some numbers a cluster.
     some = jax.tree.map(lambda leaf: leaf[::2], members)
-    distance = _distance(start, layout.tree.contour, some)
+    distance = _distance(start, contour, some)
     error = jnp.mean(jnp.sum(distance**2, axis=2), axis=1)
     weight = 1.0 / (1.0 + error / (2.0 * OUTLIER) ** 2)
     problem = Problem(
-        layout.tree.contour,
+        contour,
         start,
         some,
         weight,
@@ -101,10 +98,10 @@ def refine_cylinders(
         _residuals, solver, unchanged, args=problem, max_steps=steps, throw=False
     )
     cylinder = _changed(problem, solution.value)
-    distance = _distance(cylinder, layout.tree.contour, members)
+    distance = _distance(cylinder, contour, members)
     error = float(jnp.median(jnp.linalg.norm(distance, axis=2)))
-    tree = eqx.tree_at(lambda t: t.cylinder, layout.tree, cylinder)
-    return FittedTree(tree, error, str(optx.RESULTS[solution.result]))
+    fitted = eqx.tree_at(lambda t: t.cylinder, tree, cylinder)
+    return FittedTree(fitted, error, str(optx.RESULTS[solution.result]))
 
 
 def _flexible(cylinder: GeneralizedCylinder):

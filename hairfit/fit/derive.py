@@ -10,8 +10,7 @@ from ..capture.distance import push_out, signed_distance
 from ..errors import InputError
 from ..model.strand import sample_strands
 from ..model.tree import HairTree
-from ..types import Mesh, Strands
-from .grow import resample_paths
+from ..types import Mesh, Strands, resample_paths
 
 # A strand that leaves the tree inside the skin is laid this far above it. Metres.
 SKIN_GAP = 0.0005
@@ -84,7 +83,7 @@ def lifted(
         strands: The strands, in metres.
         head: The head.
     """
-    strands = push_out(head, strands.reshape(-1, 3), SKIN_GAP).reshape(strands.shape)
+    strands = laid(strands, head)
     left = np.arange(len(strands))
     for _ in range(LIFTS):
         dives = find_dives(strands[left], head)
@@ -98,12 +97,15 @@ def lifted(
             moves = end > 0
             strands[owner[moves], end[moves]] += out[moves]
         left = np.unique(owner)
-        some = strands[left]
-        some[:, 1:] = push_out(head, some[:, 1:].reshape(-1, 3), SKIN_GAP).reshape(
-            some[:, 1:].shape
-        )
-        strands[left] = some
+        strands[left, 1:] = laid(strands[left, 1:], head)
     return strands
+
+
+def laid(
+    strands: Float[np.ndarray, "strands points 3"], head: Mesh
+) -> Float[np.ndarray, "strands points 3"]:
+    """Return strands with those points that are in the head laid onto its skin."""
+    return push_out(head, strands.reshape(-1, 3), SKIN_GAP).reshape(strands.shape)
 
 
 class Dives(NamedTuple):

@@ -17,6 +17,7 @@ from scipy import ndimage
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..render.raster import cells, project_points
+from .grid import nearest_in, neighbours
 from .hull import Hull, first_hit
 
 DEPTH_SCALE = 0.006  # metres behind the hull's surface where a photograph fades
@@ -24,6 +25,7 @@ SURFACE_WEIGHT = 0.1  # of "hair lies in the surface", against one sharp photogr
 SMOOTHING = 0.3  # of the diffusion, against one voxel of full evidence
 TOLERANCE = 2e-3  # relative residual at which the diffusion stops
 MOST_STEPS = 400
+FACES = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
 
 
 class Evidence(NamedTuple):
@@ -142,11 +144,8 @@ def diffuse(hull: Hull, evidence: Evidence) -> Field:
     anisotropy = np.zeros(hull.grid.shape)
     direction[hull.hair] = vectors[:, :, 2]
     anisotropy[hull.hair] = np.clip(sure, 0.0, 1.0)
-    nearest = np.zeros((3, *hull.grid.shape), np.int32)
-    ndimage.distance_transform_edt(
-        ~hull.hair, return_distances=False, return_indices=True, indices=nearest
-    )
-    return Field(direction[tuple(nearest)], anisotropy[tuple(nearest)])
+    nearest = nearest_in(hull.hair)
+    return Field(direction[nearest], anisotropy[nearest])
 
 
 def matrix_entries(d: Float[np.ndarray, "voxels 3"]) -> Float[np.ndarray, "voxels 6"]:
@@ -160,16 +159,6 @@ def _matrix(t: Float[np.ndarray, "voxels 6"]) -> Float[np.ndarray, "voxels 3 3"]
     return t[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
 
 
-def _neighbours(index: Int[np.ndarray, "voxels 3"]) -> Int[np.ndarray, "voxels 6"]:
-    """Return the row of each face neighbour, the number of voxels for none."""
-    size = index.max(axis=0) + 3
-    row = np.full(tuple(size), len(index))
-    inner = index + 1
-    row[tuple(inner.T)] = np.arange(len(index))
-    steps = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
-    return np.stack([row[tuple((inner + step).T)] for step in steps], axis=1)
-
-
 def _solve(
     index: Int[np.ndarray, "voxels 3"],
     weight: Float[np.ndarray, " voxels"],
@@ -178,7 +167,7 @@ def _solve(
     smoothing: float,
 ) -> Float[np.ndarray, "voxels 6"]:
     """Return the minimum of weighted differences and smoothness on a set of voxels."""
-    around = _neighbours(index)
+    around = neighbours(index, FACES)
     # A size that repeats between captures would be chance: pad, so that few compile.
     rows = -(-len(index) // 32768) * 32768
     spare = rows - len(index)

@@ -17,11 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy import ndimage, sparse
+from scipy import sparse
 from scipy.sparse.linalg import cg
 from scipy.spatial import KDTree
 
 from .evidence import Field
+from .grid import nearest_in, neighbours
 from .hull import Hull
 
 # How sharply hair runs along the direction: the exponent of the cosine between the
@@ -88,23 +89,16 @@ def hair_flow(
     flow /= np.maximum(np.linalg.norm(flow, axis=1, keepdims=True), 1e-30)
     out = np.zeros((*hull.grid.shape, 3))
     out[hull.hair] = flow
-    nearest = np.zeros((3, *hull.grid.shape), np.int32)
-    ndimage.distance_transform_edt(
-        ~hull.hair, return_distances=False, return_indices=True, indices=nearest
-    )
-    return out[tuple(nearest)]
+    return out[nearest_in(hull.hair)]
 
 
 def _links(hull: Hull, field: Field) -> Links:
     """Return the conductances between each voxel of hair and its 26 neighbours."""
     index = np.argwhere(hull.hair)
     direction = field.direction[hull.hair]
-    row = np.full(tuple(np.array(hull.hair.shape) + 2), -1)
-    row[tuple((index + 1).T)] = np.arange(len(index))
     parts = []
-    for step in STEPS:
-        neighbour = row[tuple((index + 1 + step).T)]
-        first = np.flatnonzero(neighbour >= 0)
+    for step, neighbour in zip(STEPS, neighbours(index, STEPS).T, strict=True):
+        first = np.flatnonzero(neighbour < len(index))
         second = neighbour[first]
         square = float(step @ step)
         along = step / np.sqrt(square)

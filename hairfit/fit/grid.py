@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+from scipy import ndimage
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +46,44 @@ class Grid:
     def inside(self, voxels: Int[np.ndarray, "points 3"]) -> Bool[np.ndarray, " _"]:
         """Return which voxels lie in the grid."""
         return np.all((voxels >= 0) & (voxels < np.array(self.shape)), axis=1)
+
+
+def in_coarser(
+    fine: Grid, coarse: Grid, mask: Bool[np.ndarray, "x y z"]
+) -> Bool[np.ndarray, "_ _ _"]:
+    """Return the voxels of a grid whose centres lie in a mask on a coarser one.
+
+    Beyond the coarser grid its border holds.
+    """
+    voxel = coarse.voxel(fine.centres(np.ones(fine.shape, bool)))
+    voxel = np.clip(voxel, 0, np.array(coarse.shape) - 1)
+    return mask[tuple(voxel.T)].reshape(fine.shape)
+
+
+def nearest_in(
+    mask: Bool[np.ndarray, "x y z"],
+) -> tuple[Int[np.ndarray, "x y z"], ...]:
+    """Return the indices of the voxel of a mask that is nearest to each voxel."""
+    nearest = np.zeros((3, *mask.shape), np.int32)
+    ndimage.distance_transform_edt(
+        ~mask, return_distances=False, return_indices=True, indices=nearest
+    )
+    return tuple(np.asarray(axis) for axis in nearest)
+
+
+def neighbours(
+    index: Int[np.ndarray, "voxels 3"], steps: Int[np.ndarray, "steps 3"]
+) -> Int[np.ndarray, "voxels steps"]:
+    """Return the row of the voxel one step away, the number of voxels for none.
+
+    Args:
+        index: The voxels.
+        steps: By how many voxels along each axis, at most one.
+    """
+    row = np.full(tuple(index.max(axis=0) + 3), len(index))
+    inner = index + 1
+    row[tuple(inner.T)] = np.arange(len(index))
+    return np.stack([row[tuple((inner + step).T)] for step in steps], axis=1)
 
 
 def trilinear(

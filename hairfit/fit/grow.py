@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float
 from scipy import ndimage
 
 from ..model.vector import unit
+from ..types import resample_paths
 from .evidence import Field
 from .grid import corners, trilinear, trilinear_many
 from .hull import Hull
@@ -92,25 +93,6 @@ def grow(
     )
     points = np.concatenate([roots[None], np.asarray(path, np.float64)])
     return resample_paths(points.transpose(1, 0, 2), knots)
-
-
-def resample_paths(
-    paths: Float[np.ndarray, "strands steps 3"], knots: int
-) -> Float[np.ndarray, "strands knots 3"]:
-    """Return polylines with equal distances; repeated last points do no harm."""
-    lengths = np.linalg.norm(np.diff(paths, axis=1), axis=2)
-    along = np.concatenate([np.zeros((len(paths), 1)), np.cumsum(lengths, axis=1)], 1)
-    at = along[:, -1:] * np.linspace(0.0, 1.0, knots)
-    # One search for all strands: each has its own interval of a common line.
-    start = np.arange(len(paths))[:, None] * (along[:, -1].max(initial=0.0) + 1.0)
-    flat = (along + start).ravel()
-    index = np.searchsorted(flat, (at + start).ravel(), side="right").reshape(at.shape)
-    low = index - np.arange(len(paths))[:, None] * paths.shape[1] - 1
-    low = np.clip(low, 0, paths.shape[1] - 2)
-    row = np.arange(len(paths))[:, None]
-    step = np.maximum(along[row, low + 1] - along[row, low], 1e-12)
-    share = np.clip((at - along[row, low]) / step, 0.0, 1.0)[..., None]
-    return paths[row, low] * (1 - share) + paths[row, low + 1] * share
 
 
 def _unit_gradient(values: Float[np.ndarray, "x y z"]) -> list[np.ndarray]:

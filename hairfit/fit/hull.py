@@ -13,7 +13,7 @@ from ..capture.distance import signed_distance
 from ..errors import InputError
 from ..render.raster import cells, project_points
 from ..types import Mesh
-from .grid import Grid
+from .grid import Grid, in_coarser
 
 REACH = 0.6  # no hair farther than this from the cranium's centre, in metres
 COARSE = 0.012  # metres
@@ -79,9 +79,7 @@ def carve(
     low, high = found.min(axis=0) - 2 * COARSE, found.max(axis=0) + 2 * COARSE
     while True:
         grid = Grid.around(low, high, spacing)
-        parent = coarse.voxel(grid.centres(np.ones(grid.shape, bool)))
-        parent = np.clip(parent, 0, np.array(coarse.shape) - 1)
-        near = allowed[tuple(parent.T)].reshape(grid.shape)
+        near = in_coarser(grid, coarse, allowed)
         hair = allowed_voxels(grid, near, views, depths, 0.0)
         if hair.sum() <= MOST_VOXELS:
             break

@@ -26,7 +26,7 @@ from .confidence import with_confidence
 from .derive import derive_strands
 from .evidence import Field, diffuse, gather
 from .flow import hair_flow
-from .gather import Rooted, gather_strands
+from .gather import Rooted
 from .grow import GrowConfig, grow
 from .hull import Hull, carve
 from .prune import prune
@@ -37,8 +37,8 @@ from .treeify import (
     STRANDS_A_LEAF,
     TreeifyConfig,
     fit_levels,
+    gather_levels,
     on_scalp,
-    stack_levels,
 )
 from .trust import mute_clipped, without_suspects
 from .volume import hair_volume, inner_places
@@ -112,8 +112,8 @@ class FitResult(NamedTuple):
     strands: Strands
     figures: dict[str, Any]
     maps: list[OrientationMap]
-    views: tuple[View, ...] = ()
-    doubts: tuple[Doubt, ...] = ()
+    views: tuple[View, ...]
+    doubts: tuple[Doubt, ...]
 
 
 def fit_capture(
@@ -314,8 +314,8 @@ def _tree(
         preset.leaves, preset.levels, preset.knots, seed=config.seed
     )
     count = min(preset.leaves, len(uv) // STRANDS_A_LEAF)
-    label = gather_strands(rooted, count, rounds=gathering.rounds, seed=config.seed)
-    fitted = fit_levels(scalp, rooted, stack_levels(rooted, label, gathering), 0)
+    found = gather_levels(rooted, count, gathering)
+    fitted = fit_levels(scalp, rooted, found, gathering.steps)
     tree = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), fitted.tree)
     if store.folder is not None:
         save_tree(store.path("tree.hairtree"), tree, exact=True)

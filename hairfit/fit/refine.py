@@ -132,26 +132,26 @@ def refine(
     level = depths_of(tree.parent)
     views, depths, maps = photographs
     problem = Problem(tree, jnp.asarray(level, jnp.int32), samples, maps, volume)
-    rounds = config.rounds * (int(level.max()) + 1)
-    for done in range(rounds):
-        if done % config.rounds == 0:
-            at = done // config.rounds
-            above = jnp.asarray(ancestors(tree.parent, at), jnp.int32)
-            turn = Turn(jnp.asarray(at, jnp.int32), above)
-            problem = problem._replace(tree=tree)
-            moves = _still(tree.cylinder)
+    count = int(level.max()) + 1
+    done = 0
+    for at in range(count):
+        above = jnp.asarray(ancestors(tree.parent, at), jnp.int32)
+        turn = Turn(jnp.asarray(at, jnp.int32), above)
+        problem = problem._replace(tree=tree)
+        moves = _still(tree.cylinder)
         current = moved(problem, moves, turn)
-        strands = np.asarray(_strands(tree, current, samples, config.points))
-        found = Found(
-            jnp.asarray(seen_segments(strands, views, depths)),
-            find_pulls(strands, views, depths, done),
-            find_gaps(strands, places, done),
-        )
-        moves = _descend(problem, moves, found, turn, config)
-        after = moved(problem, moves, turn)
-        if (done + 1) % config.rounds == 0:
-            tree = eqx.tree_at(lambda t: t.cylinder, tree, after)
-        progress((done + 1) / rounds)
+        for _ in range(config.rounds):
+            strands = np.asarray(_strands(tree, current, samples, config.points))
+            found = Found(
+                jnp.asarray(seen_segments(strands, views, depths)),
+                find_pulls(strands, views, depths, done),
+                find_gaps(strands, places, done),
+            )
+            moves = _descend(problem, moves, found, turn, config)
+            current = moved(problem, moves, turn)
+            done += 1
+            progress(done / (count * config.rounds))
+        tree = eqx.tree_at(lambda t: t.cylinder, tree, current)
     return tree
 
 

@@ -187,6 +187,26 @@ class Pulls(eqx.Module):
     share: Float[Array, "views pulls"]
 
 
+def subdivided(
+    strands: Float[np.ndarray, "strands knots 3"], finer: int
+) -> Float[np.ndarray, "strands points 3"]:
+    """Return `finer` points for each segment of the strands, without the tips."""
+    share = np.linspace(0.0, 1.0, finer, endpoint=False)[None, None, :, None]
+    ahead = strands[:, 1:] - strands[:, :-1]
+    fine = strands[:, :-1, None] + share * ahead[:, :, None]
+    return fine.reshape(len(strands), -1, 3)
+
+
+def point_of(at: Int[np.ndarray, " pulls"], finer: int) -> Int[np.ndarray, " pulls"]:
+    """Return the strand's own point that is closest to a subdivided one, not its root.
+
+    Args:
+        at: Index along the subdivided strand.
+        finer: How it was subdivided.
+    """
+    return np.maximum((at + finer // 2) // finer, 1)
+
+
 def find_pulls(
     strands: Float[np.ndarray, "strands knots 3"],
     views: Sequence[View],
@@ -196,10 +216,7 @@ def find_pulls(
     """Return what draws strands to hair that they leave bare."""
     rng = np.random.default_rng(seed)
     # Between its points a strand covers pixels as well.
-    share_of = np.linspace(0.0, 1.0, FINER, endpoint=False)[None, None, :, None]
-    ahead = strands[:, 1:] - strands[:, :-1]
-    fine = strands[:, :-1, None] + share_of * ahead[:, :, None]
-    fine = np.concatenate([fine.reshape(len(strands), -1, 3), strands[:, -1:]], 1)
+    fine = np.concatenate([subdivided(strands, FINER), strands[:, -1:]], axis=1)
     knots = fine.shape[1]
     strand, point, pixel, share = [], [], [], []
     for view, head_depth in zip(views, depths, strict=True):
@@ -219,7 +236,7 @@ def find_pulls(
         spare = PULLS - len(bare)
         index = np.pad(usable[nearest[bare]], (0, spare))
         strand.append(index // knots)
-        point.append(np.maximum((index % knots + FINER // 2) // FINER, 1))
+        point.append(point_of(index % knots, FINER))
         pixel.append(np.pad(chosen[bare], ((0, spare), (0, 0))) / SHRINK)
         share.append(np.pad(np.full(len(bare), 1.0 / max(len(chosen), 1)), (0, spare)))
     return Pulls(

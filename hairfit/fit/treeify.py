@@ -16,7 +16,7 @@ from ..model.scalp import Scalp, scalp_point, scalp_tangents
 from ..model.tree import HairTree, ScalpContour
 from ..types import Strands
 from .borders import draw_contours, move_starved
-from .cluster import Layout, scalp_metric
+from .cluster import scalp_metric
 from .cylinders import FittedTree, Members, cylinders_along, refine_cylinders
 from .density import density_maps, root_spacing
 from .gather import Maps, Rooted, gather_strands, gather_upwards, robust_maps
@@ -112,8 +112,7 @@ def treeify(strands: Strands, scalp: Scalp, config: TreeifyConfig) -> Treeified:
     count = leaf_count(strands, config)
     check(strands, config, count)
     rooted, apart = root_strands(strands, scalp, config.knots)
-    label = gather_strands(rooted, count, rounds=config.rounds, seed=config.seed)
-    levels = stack_levels(rooted, label, config)
+    levels = gather_levels(rooted, count, config)
     tree, error, _ = fit_levels(scalp, rooted, levels, config.steps)
     maps = density_maps(scalp, rooted.uv)
     tree = eqx.tree_at(lambda t: t.maps, tree, maps, is_leaf=lambda x: x is None)
@@ -202,10 +201,9 @@ def on_scalp(scalp: Scalp, uv: Float[Array, "points 2"]) -> Ground:
     return Ground(point, jnp.stack(tangents, axis=-1))
 
 
-def stack_levels(
-    rooted: Rooted, label: Int[np.ndarray, " strands"], config: TreeifyConfig
-) -> Levels:
-    """Return the leaves and the clusters above them, gathered from below."""
+def gather_levels(rooted: Rooted, leaves: int, config: TreeifyConfig) -> Levels:
+    """Return so many leaves, at most, and the clusters above, gathered from below."""
+    label = gather_strands(rooted, leaves, rounds=config.rounds, seed=config.seed)
     labels, maps, above = [label], [robust_maps(rooted, label)], []
     held = len(maps[0].middle)
     for level in range(config.levels - 1, 0, -1):
@@ -243,8 +241,7 @@ def fit_levels(scalp: Scalp, rooted: Rooted, levels: Levels, steps: int) -> Fitt
         jnp.asarray(levels.label.ravel(), jnp.int32),
         jnp.asarray(np.tile(rooted.knots, (len(levels.label), 1, 1)), kind),
     )
-    layout = Layout(tree, scalp_metric(scalp, tree.contour), leaf)
-    found = refine_cylinders(layout, tree.cylinder, members, steps)
+    found = refine_cylinders(tree, members, steps)
     closer = distance(found.tree, rooted, leaf)
     if closer > error:
         return FittedTree(tree, error, found.result)

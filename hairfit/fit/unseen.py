@@ -94,7 +94,7 @@ def place_variance(
     The true surface of the hair lies $|e|$ below what masks leave, $e$ normal with the
     standard deviation `sigma`. Above it the next hair is at the surface, below it a
     spacing away. So at the depth $d = x \sigma$ the expectation is
-    $2 \sigma^2 ((1 + x^2) \Phi(-x) - x arphi(x))$ and the spacing squared.
+    $2 \sigma^2 ((1 + x^2) \Phi(-x) - x \varphi(x))$ and the spacing squared.
 
     Args:
         deep: Depth of each piece below what masks leave, negative outside, infinite

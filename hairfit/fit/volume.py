@@ -15,6 +15,7 @@ from ..model.collide import DistanceField
 from .evidence import Field, matrix_entries
 from .grid import trilinear_many
 from .hull import Hull
+from .residuals import point_of, subdivided
 
 SIGMA_INSIDE_HEAD = 0.0005  # metres
 CLEARANCE = 0.001  # metres between skin and hair
@@ -60,10 +61,7 @@ def hair_volume(hull: Hull, field: Field) -> HairVolume:
     """Return what the losses need of a hull and its field."""
     tensor = matrix_entries(field.direction.reshape(-1, 3))
     tensor = tensor.reshape(*hull.grid.shape, 6) * field.anisotropy[..., None]
-    return HairVolume(
-        head_field(hull),
-        jnp.asarray(tensor, jnp.float32),
-    )
+    return HairVolume(head_field(hull), jnp.asarray(tensor, jnp.float32))
 
 
 def inner_places(hull: Hull) -> Float[np.ndarray, "places 3"]:
@@ -125,15 +123,12 @@ def find_gaps(
     rng = np.random.default_rng(seed)
     count = min(PROBES, len(places))
     places = places[rng.choice(len(places), count, replace=False)]
-    share_of = np.linspace(0.0, 1.0, FINER, endpoint=False)[None, None, :, None]
-    ahead = strands[:, 1:] - strands[:, :-1]
-    fine = strands[:, :-1, None] + share_of * ahead[:, :, None]
-    knots = fine.shape[1] * FINER
+    fine = subdivided(strands, FINER)
+    knots = fine.shape[1]
     apart, nearest = map(np.asarray, KDTree(fine.reshape(-1, 3)).query(places))
     empty = np.flatnonzero((apart > GAP) & (apart < FARTHEST))[:DRAWN]
     index = nearest[empty]
-    # Roots stay.
-    point = np.maximum((index % knots + FINER // 2) // FINER, 1)
+    point = point_of(index % knots, FINER)
     spare = DRAWN - len(empty)
     return Gaps(
         jnp.asarray(np.pad(index // knots, (0, spare)), jnp.int32),

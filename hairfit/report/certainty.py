@@ -35,7 +35,7 @@ def certainty_pictures(
 ) -> list[UInt8[np.ndarray, "height width 3"]]:
     """Return pictures of the hair in the colours of `LEGEND`, from four sides.
 
-    None if the tree does not say how sure it is, or grows no hair.
+    None at all if the tree does not say how sure it is, or grows no hair.
     """
     if tree.confidence is None:
         return []

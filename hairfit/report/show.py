@@ -29,16 +29,12 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     previews = folder / "preview"
     previews.mkdir()
     pages, photographs = [], {}
-    views = fitted.views or capture.views
+    views = fitted.views
     for sight, found in zip(look(capture.head, views), fitted.maps, strict=True):
         view = sight.view
         raster = rasterise(points, view.camera, mesh_depth=sight.behind)
         errors = compare_with_photograph(points, sight, found=found, drawn=raster)
-        photographs[view.name] = {
-            "mean_angle_deg": errors.mean_angle_deg,
-            "median_angle_deg": errors.median_angle_deg,
-            "hair_iou": errors.iou,
-        }
+        photographs[view.name] = errors.to_dict()
         window = hair_window(view.hair)
         pages.append(
             ViewPage(
