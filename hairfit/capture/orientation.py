@@ -62,7 +62,7 @@ class OrientationConfig:
     """
 
     wavelengths: tuple[float, ...] = (4.2, 6.0, 8.5, 12.0, 17.0)
-    length: float = 5.0
+    length: float = 3.5
     bandwidth: float = 0.55
     pooling: tuple[float, ...] = (2.0, 5.0, 12.0)
     background: float = 12.0
@@ -118,9 +118,9 @@ def expected_error(
 ) -> Float[np.ndarray, "*shape"]:
     """Return the error to expect, in radians, as 1.4826 times its median.
 
-    The 2 degrees and the exponent were fitted once to path-traced photographs of
-    straight, tied and blond hair and to drawn waves and noise, all with one weight;
-    `benchmarks/orientation.py` prints what they predict beside what is.
+    The 1.75 degrees and the exponent were fitted to path-traced photographs of
+    straight, tied, short, wavy and curly hair and to drawn waves and noise, all with
+    one weight; `benchmarks/orientation.py` prints what they predict beside what is.
 
     Args:
         coherence: How far votes agree, from 0 to 1.
@@ -128,7 +128,7 @@ def expected_error(
             across the vector of the doubled angle.
     """
     coherence = np.maximum(coherence, 1e-3)
-    chance = math.radians(2.0) / coherence**1.25
+    chance = math.radians(1.75) / coherence**1.25
     turn = np.sqrt(bend) / (2 * coherence)
     return np.minimum(np.hypot(chance, turn), SIGMA_BLIND).astype(coherence.dtype)
 
@@ -147,9 +147,13 @@ def check_picture(image: np.ndarray, hair: np.ndarray) -> None:
 
 
 def bounding_box(hair: Bool[np.ndarray, "height width"]) -> tuple[slice, slice]:
-    """Return the rows and the columns that hold hair."""
+    """Return the rows and the columns that hold hair, from an even one on.
+
+    Votes are gathered on every other pixel: which ones must not depend on the hair.
+    """
     rows, columns = np.flatnonzero(hair.any(1)), np.flatnonzero(hair.any(0))
-    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    top, left = rows[0] // 2 * 2, columns[0] // 2 * 2
+    return slice(top, rows[-1] + 1), slice(left, columns[-1] + 1)
 
 
 class Texture(NamedTuple):

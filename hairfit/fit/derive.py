@@ -4,10 +4,11 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from ..capture.distance import push_out, signed_distance
+from ..capture.distance import head_field, least_distance, push_out, signed_distance
 from ..errors import InputError
+from ..model.collide import DistanceField
 from ..model.strand import sample_strands
 from ..model.tree import HairTree
 from ..types import Mesh, Strands, resample_paths
@@ -18,9 +19,23 @@ SKIN_GAP = 0.0005
 DEEPEST = 0.0007
 HIGHEST_ROOT = 0.0018  # metres above the skin
 PIECES = 24  # a segment near the skin is looked at in so many pieces
+HALVED = (2, 4, 8)  # and before in so few, which exclude most
 SPARE = 1.03  # for strands that must go as a whole
 LIFTS = 6  # how often strands are lifted over corners that they would cut
 FARTHEST_LIFT = 0.004  # metres that a point is lifted each time, at most
+CELL = 0.008  # metres, of the grid that tells which points are near the skin
+
+
+class Skin(NamedTuple):
+    """A head, and a coarse grid of the distances from it."""
+
+    head: Mesh
+    field: DistanceField
+
+
+def skin_of(head: Mesh) -> Skin:
+    """Return a head with the grid that tells what is near its skin."""
+    return Skin(head, head_field(head, CELL))
 
 
 def derive_strands(
@@ -49,30 +64,30 @@ def derive_strands(
             "fit it again."
         )
     if head is not None:
-        found = _outside(found.astype(np.float64), head)[:count]
+        found = _outside(found.astype(np.float64), skin_of(head))[:count]
     return Strands.from_array(found)
 
 
 def _outside(
-    strands: Float[np.ndarray, "strands points 3"], head: Mesh
+    strands: Float[np.ndarray, "strands points 3"], skin: Skin
 ) -> Float[np.ndarray, "kept points 3"]:
     """Return the strands laid onto the skin, cut where they dive, without stubs."""
     points = strands.shape[1]
-    strands = lifted(strands, head)
+    strands = lifted(strands, skin)
     # As they will be stored: rounding may not push a point back in.
     strands = strands.astype(np.float32).astype(np.float64)
-    last = last_outside(strands, head)
+    last = last_outside(strands, skin)
     cut = np.flatnonzero(last < points - 1)
     for strand in cut:
         strands[strand, last[strand] :] = strands[strand, last[strand]]
     strands[cut] = resample_paths(strands[cut], points)
     keep = last > 0
-    keep[cut] &= last_outside(strands[cut], head) == points - 1
+    keep[cut] &= last_outside(strands[cut], skin) == points - 1
     return strands[keep]
 
 
 def lifted(
-    strands: Float[np.ndarray, "strands points 3"], head: Mesh
+    strands: Float[np.ndarray, "strands points 3"], skin: Skin
 ) -> Float[np.ndarray, "strands points 3"]:
     """Return strands whose points, and whose segments if some steps can do it, are out.
 
@@ -81,15 +96,15 @@ def lifted(
 
     Args:
         strands: The strands, in metres.
-        head: The head.
+        skin: The head.
     """
-    strands = laid(strands, head)
+    strands = laid(strands, skin)
     left = np.arange(len(strands))
     for _ in range(LIFTS):
-        dives = find_dives(strands[left], head)
+        dives = find_dives(strands[left], skin)
         if not len(dives.strand):
             break
-        out = push_out(head, dives.spot, SKIN_GAP) - dives.spot
+        out = push_out(skin.head, dives.spot, SKIN_GAP) - dives.spot
         far = np.linalg.norm(out, axis=1, keepdims=True)
         out *= np.minimum(1.0, FARTHEST_LIFT / np.maximum(far, 1e-9))
         owner = left[dives.strand]
@@ -97,15 +112,16 @@ def lifted(
             moves = end > 0
             strands[owner[moves], end[moves]] += out[moves]
         left = np.unique(owner)
-        strands[left, 1:] = laid(strands[left, 1:], head)
+        strands[left, 1:] = laid(strands[left, 1:], skin)
     return strands
 
 
 def laid(
-    strands: Float[np.ndarray, "strands points 3"], head: Mesh
+    strands: Float[np.ndarray, "strands points 3"], skin: Skin
 ) -> Float[np.ndarray, "strands points 3"]:
     """Return strands with those points that are in the head laid onto its skin."""
-    return push_out(head, strands.reshape(-1, 3), SKIN_GAP).reshape(strands.shape)
+    points = strands.reshape(-1, 3)
+    return push_out(skin.head, points, SKIN_GAP, skin.field).reshape(strands.shape)
 
 
 class Dives(NamedTuple):
@@ -116,33 +132,67 @@ class Dives(NamedTuple):
     spot: Float[np.ndarray, "dives 3"]
 
 
-def find_dives(strands: Float[np.ndarray, "strands points 3"], head: Mesh) -> Dives:
+def find_dives(strands: Float[np.ndarray, "strands points 3"], skin: Skin) -> Dives:
     """Return the segments that run deeper in the head than is let pass."""
     count, points = strands.shape[:2]
-    skin = signed_distance(head, strands.reshape(-1, 3)).reshape(count, points)
-    start, step = strands[:, :-1], np.diff(strands, axis=1)
-    length = np.linalg.norm(step, axis=2)
-    # Distance changes by no more than one walks: the others cannot get there.
-    near = skin[:, 1:] + skin[:, :-1] < length - 2.0 * DEEPEST
-    strand, segment = np.nonzero(near)
-    share = np.arange(1, PIECES + 1) / PIECES
-    spots = start[near][:, None] + share[None, :, None] * step[near][:, None]
-    depth = signed_distance(head, spots.reshape(-1, 3)).reshape(-1, PIECES)
-    deepest = depth.argmin(axis=1)
-    row = np.flatnonzero(depth.min(axis=1) < -DEEPEST)
-    return Dives(strand[row], segment[row], spots[row, deepest[row]])
+    length = np.linalg.norm(np.diff(strands, axis=1), axis=2)
+    away = least_distance(skin.field, strands.reshape(-1, 3)).reshape(count, points)
+    may = _may_dive(np.stack([away[:, :-1], away[:, 1:]], axis=2), length)
+    asked = np.zeros(away.shape, bool)
+    asked[:, 1:] |= may
+    asked[:, :-1] |= may
+    away[asked] = signed_distance(skin.head, strands[asked])
+    strand, segment = np.nonzero(may)
+    start = strands[strand, segment]
+    step = strands[strand, segment + 1] - start
+    length = length[may]
+    known = np.stack([away[strand, segment], away[strand, segment + 1]], axis=1)
+    left = np.flatnonzero(_may_dive(known, length))
+    known = known[left]
+    for pieces in HALVED:
+        share = np.arange(1, pieces, 2) / pieces
+        middle = signed_distance(skin.head, _along(start[left], step[left], share))
+        halves = np.zeros((len(left), pieces + 1))
+        halves[:, ::2], halves[:, 1::2] = known, middle.reshape(-1, pieces // 2)
+        still = _may_dive(halves, length[left])
+        left, known = left[still], halves[still]
+    spots = _along(start[left], step[left], np.arange(1, PIECES + 1) / PIECES)
+    depth = signed_distance(skin.head, spots).reshape(-1, PIECES)
+    deep = np.flatnonzero(depth.min(axis=1) < -DEEPEST)
+    spot = spots.reshape(-1, PIECES, 3)[deep, depth[deep].argmin(axis=1)]
+    return Dives(strand[left[deep]], segment[left[deep]], spot)
+
+
+def _may_dive(
+    away: Float[np.ndarray, "*segments places"], length: Float[np.ndarray, "*segments"]
+) -> Bool[np.ndarray, "*segments"]:
+    """Return which segments may run too deep, by distances at places even along them.
+
+    Distance changes by no more than one walks.
+    """
+    reach = length / (away.shape[-1] - 1) - 2.0 * DEEPEST
+    return (away[..., 1:] + away[..., :-1] < reach[..., None]).any(axis=-1)
+
+
+def _along(
+    start: Float[np.ndarray, "segments 3"],
+    step: Float[np.ndarray, "segments 3"],
+    share: Float[np.ndarray, " places"],
+) -> Float[np.ndarray, "points 3"]:
+    """Return points of segments, at the same shares of each."""
+    return (start[:, None] + share[:, None] * step[:, None]).reshape(-1, 3)
 
 
 def last_outside(
-    strands: Float[np.ndarray, "strands points 3"], head: Mesh
+    strands: Float[np.ndarray, "strands points 3"], skin: Skin
 ) -> Int[np.ndarray, " strands"]:
     """Return the last point of each strand before it first dives into the head."""
     count, points = strands.shape[:2]
     if not count:
         return np.zeros(0, int)
-    dives = find_dives(strands, head)
+    dives = find_dives(strands, skin)
     first = np.full(count, points - 1)
     np.minimum.at(first, dives.strand, dives.segment)
     # The patch is smooth and leaves out the mesh's pits: no hair grows over these.
-    height = signed_distance(head, strands[:, 0])
+    height = signed_distance(skin.head, strands[:, 0])
     return np.where((height >= -DEEPEST) & (height <= HIGHEST_ROOT), first, 0)
