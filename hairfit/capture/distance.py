@@ -1,5 +1,6 @@
 """Signed distance to a head: negative inside it, also for open meshes."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -8,19 +9,8 @@ from jaxtyping import Float
 from ..model.collide import DistanceField, sample_field
 from ..types import Mesh
 
+CELL = 0.008  # metres, of the grid that tells what is near the skin
 ROUNDING = 1e-6  # metres: distances on a grid are kept as float32
-
-
-def signed_distance(
-    head: Mesh, points: Float[np.ndarray, "points 3"]
-) -> Float[np.ndarray, " points"]:
-    """Return the distance of points to a mesh in metres, negative inside it.
-
-    Inside is where the generalized winding number (Jacobson et al. 2013, by the fast
-    form of Barill et al. 2018) exceeds one half, so that an open neck or overlapping
-    parts do no harm.
-    """
-    return nearest_skin(head, points).distance
 
 
 class Nearest(NamedTuple):
@@ -35,17 +25,68 @@ class Nearest(NamedTuple):
     closest: Float[np.ndarray, "points 3"]
 
 
-def nearest_skin(head: Mesh, points: Float[np.ndarray, "points 3"]) -> Nearest:
-    """Return the signed distance as `signed_distance` does, and the closest points."""
-    import igl
+class Skin:
+    """The skin of a head, prepared for many questions about what is near it.
 
-    distance, _, closest, _ = igl.signed_distance(
-        np.ascontiguousarray(points, np.float64),
-        np.ascontiguousarray(head.vertices, np.float64),
-        np.ascontiguousarray(head.faces, np.int64),
-        sign_type=igl.SIGNED_DISTANCE_TYPE_FAST_WINDING_NUMBER,
-    )
-    return Nearest(np.atleast_1d(distance), np.asarray(closest).reshape(-1, 3))
+    Inside is where the generalized winding number (Jacobson et al. 2013, by the fast
+    form of Barill et al. 2018) exceeds one half, so that an open neck or overlapping
+    parts do no harm.
+    """
+
+    def __init__(self, head: Mesh):
+        import igl
+
+        self.head = head
+        self._vertices = np.ascontiguousarray(head.vertices, np.float64)
+        self._faces = np.ascontiguousarray(head.faces, np.int64)
+        self._tree = igl.AABB()
+        self._tree.init(self._vertices, self._faces)
+        self._winding = igl.FastWindingNumberBVH()
+        self._winding.init(self._vertices, self._faces)
+
+    def nearest(self, points: Float[np.ndarray, "points 3"]) -> Nearest:
+        """Return the signed distance of points, in metres, and the closest points."""
+        points = np.ascontiguousarray(points, np.float64)
+        square, _, closest = self._tree.squared_distance(
+            self._vertices, self._faces, points
+        )
+        # A mesh turned inside out holds the same head.
+        winding = np.abs(np.atleast_1d(self._winding.winding_number(points)))
+        distance = np.sqrt(np.atleast_1d(square))
+        return Nearest(
+            np.where(winding > 0.5, -distance, distance),
+            np.asarray(closest).reshape(-1, 3),
+        )
+
+    @functools.cached_property
+    def field(self) -> DistanceField:
+        """Distances on a coarse grid that reaches beyond the head."""
+        return head_field(self.head, CELL)
+
+    def least_distance(
+        self, points: Float[np.ndarray, "points 3"]
+    ) -> Float[np.ndarray, " points"]:
+        """Return what the signed distance of points is at least, in metres.
+
+        It changes by no more than one walks from the grid's nearest point. A look-up so
+        spares the exact distance of all that is not near the skin.
+        """
+        cell = float(self.field.cell)
+        place = (points - np.asarray(self.field.origin, np.float64)) / cell
+        last = np.array(self.field.distance.shape) - 1
+        node = np.clip(np.rint(place), 0, last).astype(int)
+        away = np.linalg.norm(place - node, axis=1)
+        beyond = np.linalg.norm(place - np.clip(place, 0, last), axis=1)
+        known = np.asarray(self.field.distance, np.float64)[tuple(node.T)]
+        # The head lies inside the grid.
+        return np.where(beyond > 0, cell * beyond, known - cell * away - ROUNDING)
+
+
+def signed_distance(
+    head: Mesh, points: Float[np.ndarray, "points 3"]
+) -> Float[np.ndarray, " points"]:
+    """Return the distance of points to a mesh in metres, negative inside it."""
+    return Skin(head).nearest(points).distance
 
 
 def head_field(head: Mesh, cell: float = 0.004, margin: float = 0.02) -> DistanceField:
@@ -64,54 +105,20 @@ def head_field(head: Mesh, cell: float = 0.004, margin: float = 0.02) -> Distanc
     return sample_field(lambda p: signed_distance(head, p), low, high, cell)
 
 
-def least_distance(
-    field: DistanceField, points: Float[np.ndarray, "points 3"]
-) -> Float[np.ndarray, " points"]:
-    """Return what the signed distance of points from a head is at least, in metres.
-
-    It changes by no more than one walks from the grid's nearest point. A look-up so
-    spares the exact distance of all that is not near the skin.
-
-    Args:
-        field: Distances from the head, as `head_field` has them: the grid reaches
-            beyond the head.
-        points: Points, in metres.
-    """
-    place = (points - np.asarray(field.origin, np.float64)) / float(field.cell)
-    last = np.array(field.distance.shape) - 1
-    node = np.clip(np.rint(place), 0, last).astype(int)
-    away = np.linalg.norm(place - node, axis=1)
-    beyond = np.linalg.norm(place - np.clip(place, 0, last), axis=1)
-    known = np.asarray(field.distance, np.float64)[tuple(node.T)]
-    least = known - float(field.cell) * away - ROUNDING
-    # The head lies inside the grid.
-    return np.where(beyond > 0, float(field.cell) * beyond, least)
-
-
 def push_out(
-    head: Mesh,
-    points: Float[np.ndarray, "points 3"],
-    gap: float,
-    field: DistanceField | None = None,
+    skin: Skin, points: Float[np.ndarray, "points 3"], gap: float
 ) -> Float[np.ndarray, "points 3"]:
     """Return the points, those inside the head laid `gap` metres above its skin.
 
     Args:
-        head: The head.
+        skin: The head's skin.
         points: Points, in metres.
         gap: Distance from the skin of what was inside.
-        field: Distances from the head, as `head_field` has them: the same result,
-            sooner, where many points are far from the skin.
     """
     out = points.copy()
-    if field is None:
-        reach = head.vertices.min(axis=0), head.vertices.max(axis=0)
-        may = ((points > reach[0]) & (points < reach[1])).all(axis=1)
-    else:
-        may = least_distance(field, points) < 0
-    near = np.flatnonzero(may)
+    near = np.flatnonzero(skin.least_distance(points) < 0)
     for _ in range(3):
-        distance, closest = nearest_skin(head, out[near])
+        distance, closest = skin.nearest(out[near])
         inside = distance < 0
         near, closest = near[inside], closest[inside]
         if not len(near):

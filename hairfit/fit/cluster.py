@@ -10,10 +10,12 @@ from scipy.cluster.vq import kmeans2
 from ..model.scalp import Scalp, scalp_tangents
 from ..model.tree import ScalpContour
 
+_tangents_on = jax.jit(jax.vmap(scalp_tangents, (None, 0)))
+
 
 def scalp_metric(scalp: Scalp, contour: ScalpContour) -> Float[np.ndarray, " clusters"]:
     """Return metres on the scalp for 1 of scalp space at each contour's centre."""
-    tangents = jax.vmap(scalp_tangents, (None, 0))(scalp, contour.centre)
+    tangents = _tangents_on(scalp, contour.centre)
     area = np.cross(np.asarray(tangents.u), np.asarray(tangents.v))
     return np.sqrt(np.linalg.norm(area, axis=1))
 

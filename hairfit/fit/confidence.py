@@ -12,7 +12,6 @@ import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -20,7 +19,7 @@ from jaxtyping import Float
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..model.certainty import TreeConfidence
-from ..model.cylinder import cylinder_frames
+from ..model.cylinder import frames_of
 from ..model.strand import grow_strands
 from ..model.tree import HairTree, leaves, levels
 from .refine import Samples
@@ -32,8 +31,6 @@ from .unseen import find_room, place_variance, turn_variance
 SHORTEST = 1e-4
 # Hair is never held to run as the hair around it by less than this. Radians.
 LEAST_TURN = 0.01
-
-frames_of = jax.jit(jax.vmap(cylinder_frames))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float, Int
 
-from ..model.cylinder import GeneralizedCylinder, cylinder_frames
+from ..model.cylinder import GeneralizedCylinder, cylinder_frames, frames_of
 from ..model.section import with_section_maps
 from ..model.strand import strand_knots
 from ..model.tree import HairTree, ScalpContour
@@ -200,7 +200,7 @@ def cylinders_along(
         jnp.zeros((count, knots)),
         jnp.zeros((count, knots)),
     )
-    frames = jax.vmap(cylinder_frames)(plain)
+    frames = frames_of(plain)
     across = np.stack([np.asarray(frames.normal), np.asarray(frames.binormal)], axis=2)
     sections = jnp.asarray(np.einsum("gkij,gkjl->gkil", across, maps))
     return _with_sections(plain, sections.astype(plain.scale.dtype))

@@ -6,9 +6,8 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..capture.distance import head_field, least_distance, push_out, signed_distance
+from ..capture.distance import Skin, push_out
 from ..errors import InputError
-from ..model.collide import DistanceField
 from ..model.strand import sample_strands
 from ..model.tree import HairTree
 from ..types import Mesh, Strands, resample_paths
@@ -23,19 +22,6 @@ HALVED = (2, 4, 8)  # and before in so few, which exclude most
 SPARE = 1.03  # for strands that must go as a whole
 LIFTS = 6  # how often strands are lifted over corners that they would cut
 FARTHEST_LIFT = 0.004  # metres that a point is lifted each time, at most
-CELL = 0.008  # metres, of the grid that tells which points are near the skin
-
-
-class Skin(NamedTuple):
-    """A head, and a coarse grid of the distances from it."""
-
-    head: Mesh
-    field: DistanceField
-
-
-def skin_of(head: Mesh) -> Skin:
-    """Return a head with the grid that tells what is near its skin."""
-    return Skin(head, head_field(head, CELL))
 
 
 def derive_strands(
@@ -64,7 +50,7 @@ def derive_strands(
             "fit it again."
         )
     if head is not None:
-        found = _outside(found.astype(np.float64), skin_of(head))[:count]
+        found = _outside(found.astype(np.float64), Skin(head))[:count]
     return Strands.from_array(found)
 
 
@@ -104,7 +90,7 @@ def lifted(
         dives = find_dives(strands[left], skin)
         if not len(dives.strand):
             break
-        out = push_out(skin.head, dives.spot, SKIN_GAP) - dives.spot
+        out = push_out(skin, dives.spot, SKIN_GAP) - dives.spot
         far = np.linalg.norm(out, axis=1, keepdims=True)
         out *= np.minimum(1.0, FARTHEST_LIFT / np.maximum(far, 1e-9))
         owner = left[dives.strand]
@@ -121,7 +107,7 @@ def laid(
 ) -> Float[np.ndarray, "strands points 3"]:
     """Return strands with those points that are in the head laid onto its skin."""
     points = strands.reshape(-1, 3)
-    return push_out(skin.head, points, SKIN_GAP, skin.field).reshape(strands.shape)
+    return push_out(skin, points, SKIN_GAP).reshape(strands.shape)
 
 
 class Dives(NamedTuple):
@@ -136,12 +122,12 @@ def find_dives(strands: Float[np.ndarray, "strands points 3"], skin: Skin) -> Di
     """Return the segments that run deeper in the head than is let pass."""
     count, points = strands.shape[:2]
     length = np.linalg.norm(np.diff(strands, axis=1), axis=2)
-    away = least_distance(skin.field, strands.reshape(-1, 3)).reshape(count, points)
+    away = skin.least_distance(strands.reshape(-1, 3)).reshape(count, points)
     may = _may_dive(np.stack([away[:, :-1], away[:, 1:]], axis=2), length)
     asked = np.zeros(away.shape, bool)
     asked[:, 1:] |= may
     asked[:, :-1] |= may
-    away[asked] = signed_distance(skin.head, strands[asked])
+    away[asked] = skin.nearest(strands[asked]).distance
     strand, segment = np.nonzero(may)
     start = strands[strand, segment]
     step = strands[strand, segment + 1] - start
@@ -151,13 +137,13 @@ def find_dives(strands: Float[np.ndarray, "strands points 3"], skin: Skin) -> Di
     known = known[left]
     for pieces in HALVED:
         share = np.arange(1, pieces, 2) / pieces
-        middle = signed_distance(skin.head, _along(start[left], step[left], share))
+        middle = skin.nearest(_along(start[left], step[left], share)).distance
         halves = np.zeros((len(left), pieces + 1))
         halves[:, ::2], halves[:, 1::2] = known, middle.reshape(-1, pieces // 2)
         still = _may_dive(halves, length[left])
         left, known = left[still], halves[still]
     spots = _along(start[left], step[left], np.arange(1, PIECES + 1) / PIECES)
-    depth = signed_distance(skin.head, spots).reshape(-1, PIECES)
+    depth = skin.nearest(spots).distance.reshape(-1, PIECES)
     deep = np.flatnonzero(depth.min(axis=1) < -DEEPEST)
     spot = spots.reshape(-1, PIECES, 3)[deep, depth[deep].argmin(axis=1)]
     return Dives(strand[left[deep]], segment[left[deep]], spot)
@@ -194,5 +180,5 @@ def last_outside(
     first = np.full(count, points - 1)
     np.minimum.at(first, dives.strand, dives.segment)
     # The patch is smooth and leaves out the mesh's pits: no hair grows over these.
-    height = signed_distance(skin.head, strands[:, 0])
+    height = skin.nearest(strands[:, 0]).distance
     return np.where((height >= -DEEPEST) & (height <= HIGHEST_ROOT), first, 0)

@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..evaluate.shape import strand_lengths
 from ..io.tree import load_tree, round_tree, save_tree
 from ..model.ownership import find_owner
-from ..model.scalp import Scalp, sample_roots, scalp_normal, scalp_point
+from ..model.scalp import Scalp, normals_on, points_on, sample_roots
 from ..model.tree import HairTree, leaves, levels
 from ..render.raster import mesh_depth
 from ..types import Mesh, Strands
@@ -278,8 +278,8 @@ def _grow(
     saved = store.load("grown")
     if saved is None:
         uv = sample_roots(scalp, preset.guides, jax.random.key(config.seed))
-        roots = np.asarray(jax.vmap(scalp_point, (None, 0))(scalp, uv), np.float64)
-        normals = np.asarray(jax.vmap(scalp_normal, (None, 0))(scalp, uv), np.float64)
+        roots = np.asarray(points_on(scalp, uv), np.float64)
+        normals = np.asarray(normals_on(scalp, uv), np.float64)
         step = GrowConfig(step=max(0.003, 0.8 * preset.spacing))
         flow = hair_flow(hull, field, roots)
         strands = grow(hull, field, flow, roots, normals, preset.knots, step)

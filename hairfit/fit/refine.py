@@ -139,7 +139,7 @@ def refine(
         turn = Turn(jnp.asarray(at, jnp.int32), above)
         problem = problem._replace(tree=tree)
         moves = _still(tree.cylinder)
-        current = moved(problem, moves, turn)
+        current = _moved(problem, moves, turn)
         for _ in range(config.rounds):
             strands = np.asarray(_strands(tree, current, samples, config.points))
             found = Found(
@@ -148,7 +148,7 @@ def refine(
                 find_gaps(strands, places, done),
             )
             moves = _descend(problem, moves, found, turn, config)
-            current = moved(problem, moves, turn)
+            current = _moved(problem, moves, turn)
             done += 1
             progress(done / (count * config.rounds))
         tree = eqx.tree_at(lambda t: t.cylinder, tree, current)
@@ -212,6 +212,9 @@ def moved(problem: Problem, moves: Moves, turn: Turn) -> GeneralizedCylinder:
     follows = problem.level > turn.level
     kept = jnp.where(follows[:, None, None], carried, after.skeleton)
     return eqx.tree_at(lambda c: c.skeleton, after, kept)
+
+
+_moved = eqx.filter_jit(moved)
 
 
 def carry(

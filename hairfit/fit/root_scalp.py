@@ -23,7 +23,7 @@ from ..capture.cranium import (
 from ..capture.distance import signed_distance
 from ..errors import InputError
 from ..model.curve import catmull_rom_weights
-from ..model.scalp import SIDE, Scalp, scalp_point, scalp_uv
+from ..model.scalp import SIDE, Scalp, points_on, scalp_uv
 from ..types import Mesh, Strands
 
 # Roots farther than this from the head, in the median, are in other units. Metres.
@@ -133,12 +133,7 @@ def scalp_points(
 ) -> Float[np.ndarray, "places 3"]:
     """Return the scalp's points at many places, in metres."""
     kind = scalp.control.dtype
-    return np.asarray(_surface(scalp, jnp.asarray(uv, kind)), np.float64)
-
-
-@jax.jit
-def _surface(scalp: Scalp, uv):
-    return jax.vmap(scalp_point, (None, 0))(scalp, uv)
+    return np.asarray(points_on(scalp, jnp.asarray(uv, kind)), np.float64)
 
 
 def _check(roots: Float[np.ndarray, "strands 3"], head: Mesh | None) -> None:

@@ -70,6 +70,10 @@ def cylinder_frames(cylinder: GeneralizedCylinder) -> Frames:
     return rotation_minimising_frames(cylinder.skeleton, cylinder.normal)
 
 
+frames_of = jax.jit(jax.vmap(cylinder_frames))
+"""The frames at the knots of stacked clusters."""
+
+
 def knot_sections(
     cylinder: GeneralizedCylinder, frames: Frames, theta: ScalarLike
 ) -> Sections:

@@ -1,5 +1,6 @@
 """The scalp: a tensor-product Catmull-Rom patch wrapped over the head."""
 
+import functools
 from typing import NamedTuple
 
 import equinox as eqx
@@ -92,6 +93,14 @@ def scalp_sign(scalp: Scalp) -> Float[Array, ""]:
     return jnp.where(flux < -1e-6 * scale, -1.0, 1.0).astype(p.dtype)
 
 
+points_on = jax.jit(jax.vmap(scalp_point, (None, 0)))
+"""Points of the scalp at many places, `(places, 2)` to `(places, 3)`."""
+
+normals_on = jax.jit(jax.vmap(scalp_normal, (None, 0)))
+"""Normals of the scalp at many places, `(places, 2)` to `(places, 3)`."""
+
+
+@functools.partial(jax.jit, static_argnames="count")
 def sample_roots(
     scalp: Scalp, count: int, key: PRNGKeyArray | UInt32[Array, " 2"]
 ) -> Float[Array, "count 2"]:

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from .collide import DistanceField, push_out_tree
 from .curve import EXACT, arc_length, catmull_rom_weights
 from .cylinder import GeneralizedCylinder
-from .scalp import Scalp, scalp_normal, scalp_point
+from .scalp import Scalp, normals_on, points_on
 from .section import carry
 from .tree import HairTree
 from .trim import dense_count, end_at, grown_end
@@ -315,7 +315,3 @@ def ends_at_length(
     some = own > TINY
     factor = jnp.where(some, length / jnp.where(some, own, 1.0), 1.0)
     return jax.vmap(grown_end)(cylinder, factor)
-
-
-points_on = jax.jit(jax.vmap(scalp_point, (None, 0)))
-normals_on = jax.jit(jax.vmap(scalp_normal, (None, 0)))

@@ -16,13 +16,13 @@ from ..model import (
     HairTree,
     Scalp,
     ScalpContour,
-    cylinder_frames,
     find_owner,
     grow_strands,
     plant,
     sample_roots,
-    scalp_point,
 )
+from ..model.cylinder import frames_of
+from ..model.scalp import points_on
 from .guides import TIE, Fall, falling_guides, smooth_step, tied_guides
 from .head import head_distance, head_normal
 from .tiling import scatter, tile_contours
@@ -111,8 +111,7 @@ def grow_tree(style: Style, scalp: Scalp, seed: int) -> HairTree:
     key = jax.random.key(seed)
     rng = np.random.default_rng(seed)
     uv = np.asarray(sample_roots(scalp, 6000, key))
-    on_scalp = jax.jit(jax.vmap(scalp_point, (None, 0)))
-    p = np.asarray(on_scalp(scalp, jnp.asarray(uv)))
+    p = np.asarray(points_on(scalp, jnp.asarray(uv)))
     centres = uv[scatter(p, style.roots, rng)]
     contour = tile_contours(centres)
     root = style_cylinder(style, scalp, contour)
@@ -185,7 +184,7 @@ def child_cylinder(
     owner = jnp.asarray(above, jnp.int32)
     eta = jnp.asarray(rng.uniform(0.88, 1.0, len(above)))
     follow = grow_strands(tree, contour.centre, owner, eta, style.knots)
-    frames = frames_all(bend(planted, follow))
+    frames = frames_of(bend(planted, follow))
     guides = np.asarray(follow) + waves(style, np.asarray(follow), frames, rng)
     out = np.maximum(0.0025 - head_distance(guides), 0.0)
     out[:, 0] = 0.0
@@ -232,7 +231,7 @@ def shape_sections(
     twist of it. It is never so thick that hair would enter the head.
     """
     bent = bend(planted, guides)
-    frames = frames_all(bent)
+    frames = frames_of(bent)
     outward = head_normal(guides)
     distance = head_distance(guides)
     steps = np.linalg.norm(np.diff(guides, axis=1), axis=2)
@@ -305,9 +304,3 @@ def bend(
 def plant_all(scalp: Scalp, contour: ScalpContour, knots: int) -> GeneralizedCylinder:
     """Return one straight cluster for each contour."""
     return jax.vmap(lambda one: plant(scalp, one, 0.1, knots))(contour)
-
-
-@eqx.filter_jit
-def frames_all(cylinder: GeneralizedCylinder) -> Frames:
-    """Return the frames of all clusters."""
-    return jax.vmap(cylinder_frames)(cylinder)

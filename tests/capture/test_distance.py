@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from hairfit.capture.distance import head_field, push_out, signed_distance
+from hairfit.capture.distance import CELL, Skin, head_field, push_out, signed_distance
 from hairfit.model.collide import push_out_points
 from hairfit.types import Mesh
 
@@ -37,6 +37,17 @@ def test_the_distance_to_a_ball_is_known(ball, points):
     assert np.abs(found - (from_centre(points) - RADIUS)).max() < FACETS
 
 
+def test_a_look_up_never_says_more_than_the_distance_and_little_less(ball, points):
+    skin = Skin(mesh_of(ball))
+    least, exact = skin.least_distance(points), skin.nearest(points).distance
+    assert (least <= exact).all()
+    inside = np.abs(points - CENTRE).max(axis=1) < RADIUS
+    # Half of a cell's diagonal away from the grid's point, and back.
+    assert (exact - least)[inside].max() < 1.01 * np.sqrt(3) * CELL
+    far = np.array([[5.0, 0.0, 0.0], [0.0, -3.0, 0.0]])
+    assert (skin.least_distance(far) > 2.0).all()
+
+
 def test_one_point_is_enough(ball):
     found = signed_distance(mesh_of(ball), CENTRE[None])
     assert found.shape == (1,) and np.isclose(found[0], -RADIUS, atol=FACETS)
@@ -61,7 +72,7 @@ def test_parts_that_overlap_are_one_inside(ball, points):
 
 def test_what_is_inside_is_laid_above_the_skin_and_the_rest_stays(ball, points):
     gap = 0.0005
-    found = push_out(mesh_of(ball), points, gap)
+    found = push_out(Skin(mesh_of(ball)), points, gap)
     inside = from_centre(points) < RADIUS - FACETS
     outside = from_centre(points) > RADIUS + FACETS
     assert inside.sum() > 100 and outside.sum() > 100
@@ -77,7 +88,7 @@ def test_what_is_inside_is_laid_above_the_skin_and_the_rest_stays(ball, points):
 
 def test_nothing_is_changed_where_nothing_is_inside(ball, points):
     outside = points[from_centre(points) > RADIUS + FACETS]
-    found = push_out(mesh_of(ball), outside, 0.001)
+    found = push_out(Skin(mesh_of(ball)), outside, 0.001)
     assert np.array_equal(found, outside)
     assert found is not outside
 
@@ -98,7 +109,7 @@ def test_the_field_moves_points_as_the_mesh_does(ball, points):
     head, gap = mesh_of(ball), 0.0005
     shallow = points[from_centre(points) > 0.9 * RADIUS]
     found = push_out_points(head_field(head), jnp.asarray(shallow), gap)
-    slow = push_out(head, shallow, gap)
+    slow = push_out(Skin(head), shallow, gap)
     # The mesh moves what is inside, the field what is below the gap; deeper points land
     # apart, as the mesh has facets.
     clear = np.abs(from_centre(shallow) - RADIUS) > 2 * gap

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from ball_hair import RADIUS, ball, dome, meridian
 
-from hairfit.capture.distance import signed_distance
+from hairfit.capture.distance import Skin, signed_distance
 from hairfit.errors import InputError
-from hairfit.fit.derive import DEEPEST, SKIN_GAP, derive_strands, last_outside, skin_of
+from hairfit.fit.derive import DEEPEST, SKIN_GAP, derive_strands, last_outside
 from hairfit.model import HairTree, ScalpContour, plant, sample_strands
 
 COUNT, POINTS = 150, 16
@@ -96,12 +96,12 @@ def test_a_strand_is_outside_up_to_where_it_dives():
     high = along * 1.2
     strands = np.stack([along, dives, shallow, high])
     # The chord of the first strand sinks by r (1 - cos 0.05) = 0.1 mm only.
-    assert last_outside(strands, skin_of(head)).tolist() == [10, 6, 10, 0]
+    assert last_outside(strands, Skin(head)).tolist() == [10, 6, 10, 0]
 
 
 def test_a_long_segment_through_the_head_is_seen_though_its_ends_are_outside():
     head = ball()
     root = np.array([0.0, RADIUS + 0.001, 0.0])
     through = np.stack([root, [0.02, 0.1, 0.0], [0.02, -0.1, 0.0]])
-    assert last_outside(through[None], skin_of(head)).tolist() == [1]
-    assert last_outside(np.zeros((0, 5, 3)), skin_of(head)).tolist() == []
+    assert last_outside(through[None], Skin(head)).tolist() == [1]
+    assert last_outside(np.zeros((0, 5, 3)), Skin(head)).tolist() == []

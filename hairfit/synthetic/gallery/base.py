@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...model import GeneralizedCylinder, HairTree, Scalp, sample_roots, scalp_point
+from ...model import GeneralizedCylinder, HairTree, Scalp, sample_roots
 from ...model.collide import (
     DistanceField,
     field_distance,
@@ -20,6 +20,7 @@ from ...model.collide import (
 )
 from ...model.cylinder import cylinder_knots
 from ...model.reshape import Curl, curl
+from ...model.scalp import points_on
 from ...model.section import section_maps, with_section_maps
 from ...model.subdivide import (
     child_contours,
@@ -106,12 +107,6 @@ def root_clusters(
     dtype = scalp.control.dtype
     variation = jnp.full(count, vary, dtype)
     return HairTree(scalp, contour, cylinder, variation, (-1,) * count)
-
-
-@jax.jit
-def points_on(scalp: Scalp, uv: Float[Array, "roots 2"]) -> Float[Array, "roots 3"]:
-    """Return points of the scalp."""
-    return jax.vmap(scalp_point, (None, 0))(scalp, uv)
 
 
 def roots_of(tree: HairTree) -> Float[np.ndarray, "clusters 3"]:

@@ -10,11 +10,11 @@ from jaxtyping import Array, Float
 
 from ...model import Scalp
 from ...model.maps import ScalpMaps, even_maps
-from ...model.scalp import scalp_uv
+from ...model.scalp import points_on, scalp_uv
 from ...render.raster import unit
 from ..guides import DOWN, keep_off, resampled
 from ..head import CRANIUM, head_normal
-from .base import Guides, points_on, ramp
+from .base import Guides, ramp
 
 STEPS = 48
 # Texels a side of painted maps.
