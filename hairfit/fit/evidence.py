@@ -74,7 +74,8 @@ def gather(
     planes = np.zeros((len(points), 3, 3))
     total = np.zeros(len(points))
     for view, found, head_depth in zip(views, maps, depths, strict=True):
-        normal, weight = _planes(hull, points, view, found, head_depth)
+        normal, seen, confidence = find_planes(hull, points, view, found, head_depth)
+        weight = seen * confidence
         planes += weight[:, None, None] * normal[:, :, None] * normal[:, None, :]
         total += weight
     surface = _surface_normal(hull)
@@ -85,14 +86,36 @@ def gather(
     return Evidence(vectors[:, :, 0], total * np.clip(gap, 0.0, 1.0))
 
 
-def _planes(
+class Planes(NamedTuple):
+    """The planes through a camera that hold the hair which it sees, at many points.
+
+    Attributes:
+        normal: Unit normals.
+        seen: How well each point is seen: 1 at the hull's surface, 0 behind.
+        confidence: Of the angle in the photograph, from 0 to 1.
+    """
+
+    normal: Float[np.ndarray, "points 3"]
+    seen: Float[np.ndarray, " points"]
+    confidence: Float[np.ndarray, " points"]
+
+
+def find_planes(
     hull: Hull,
-    points: Float[np.ndarray, "voxels 3"],
+    points: Float[np.ndarray, "points 3"],
     view: View,
     found: OrientationMap,
     head_depth: Float[np.ndarray, "height width"],
-) -> tuple[Float[np.ndarray, "voxels 3"], Float[np.ndarray, " voxels"]]:
-    """Return the plane's normal and the weight of one view in every voxel."""
+) -> Planes:
+    """Return the plane that one view tells at every point.
+
+    Args:
+        hull: The hull, which hides what is behind it.
+        points: The points, in metres.
+        view: The photograph.
+        found: Its orientation map.
+        head_depth: Depth of the head in it, in metres.
+    """
     step = 2
     hit = first_hit(hull, view, step=step)
     pixels = project_points(points, view.camera)
@@ -103,14 +126,15 @@ def _planes(
     seen &= view.hair[y, x] & (depth < head_depth[y, x] + 0.002)
     behind = np.maximum(depth - hit[row, column], 0.0)
     fade = np.exp(-((behind / DEPTH_SCALE) ** 2))
-    weight = np.where(seen, fade * found.confidence[y, x], 0.0)
     angle = found.angle[y, x]
     inverse = np.linalg.inv(np.asarray(view.camera.K, np.float64))
     ray = np.column_stack([pixel, np.ones(len(pixel))]) @ inverse.T
     line = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
     cam = np.asarray(view.camera.cam_from_world, np.float64)
     normal = np.cross(ray, line @ inverse.T) @ cam[:3, :3]
-    return normal / np.linalg.norm(normal, axis=1, keepdims=True), weight
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    confidence = np.asarray(found.confidence[y, x], np.float64)
+    return Planes(normal, np.where(seen, fade, 0.0), confidence)
 
 
 def _surface_normal(hull: Hull) -> Float[np.ndarray, "voxels 3"]:

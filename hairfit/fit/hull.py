@@ -149,10 +149,17 @@ def _outside_head(grid: Grid, hair: Bool[np.ndarray, "x y z"], head: Mesh) -> Hu
             "the hair masks leave no room for hair outside the head; check that "
             "`head.obj` stands where the cameras see the head."
         )
+    return hull_of(grid, hair, skin)
+
+
+def hull_of(
+    grid: Grid, hair: Bool[np.ndarray, "x y z"], head: Float[np.ndarray, "x y z"]
+) -> Hull:
+    """Return the hull of some voxels, given the distance of all from the head."""
     outside = np.asarray(ndimage.distance_transform_edt(~hair))
     inside = np.asarray(ndimage.distance_transform_edt(hair))
     distance = np.where(hair, 0.5 - inside, outside - 0.5) * grid.spacing
-    return Hull(grid, hair, distance, skin)
+    return Hull(grid, hair, distance, head)
 
 
 def _grown(

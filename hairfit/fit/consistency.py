@@ -1,0 +1,101 @@
+"""The hull where views contradict each other, which no mask tells: there is no hair.
+
+Where three views or more see a voxel of hair, their planes meet in one line. Before the
+hair, where the hull is too wide, each view sees other hair behind it, and the planes
+disagree. Carving by photo-consistency (Kutulakos & Seitz 2000), with the direction of
+hair in place of its colour, which changes with the view.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import ndimage
+
+from ..capture.capture import View
+from ..capture.orientation import SIGMA_SURE, OrientationMap
+from .evidence import find_planes
+from .hull import Hull, hull_of
+
+INCONSISTENT = 1.5  # disagreement over the expected one from which on there is no hair
+AROUND = 0.006  # metres: one voxel says little, those around it decide together
+DEEP = 0.015  # metres within the surface in which voxels are asked
+LEAST_KNOWN = 0.05  # share of the voxels around that three views must see
+LEAST_FREEDOM = 0.1  # views beyond the two that always agree
+SWEEPS = 8
+FEWEST_CUT = 0.002  # of the hull; a sweep that cuts less is the last
+
+
+def carve_by_direction(
+    hull: Hull,
+    views: Sequence[View],
+    maps: Sequence[OrientationMap],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
+) -> Hull:
+    """Return the hull without the voxels at its surface at which planes disagree.
+
+    Layer by layer: what is behind a voxel is seen by more views once it is gone.
+
+    Args:
+        hull: The hull that the masks allow.
+        views: The photographs.
+        maps: Their orientation maps.
+        depths: Depth of the head in each photograph, in metres.
+    """
+    if len(views) < 3:
+        return hull
+    for _ in range(SWEEPS):
+        solid = np.asarray(ndimage.binary_erosion(hull.hair | (hull.head < 0)), bool)
+        surface = hull.hair & ~solid
+        cut = surface & (disagreement(hull, views, maps, depths) > INCONSISTENT)
+        if hull.hair.sum() == cut.sum():
+            break
+        hull = hull_of(hull.grid, hull.hair & ~cut, hull.head)
+        if cut.sum() < FEWEST_CUT * hull.hair.sum():
+            break
+    return hull
+
+
+def disagreement(
+    hull: Hull,
+    views: Sequence[View],
+    maps: Sequence[OrientationMap],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
+) -> Float[np.ndarray, "x y z"]:
+    r"""Return how far planes are from one line, over what their errors explain.
+
+    The least eigenvalue of $\sum w\,n n^T$ is the sum of the weighted squares of the
+    planes' angles to the best line. A view's angle errs by $\sigma$ and has the weight
+    $w \propto \sigma^{-2}$, so each contributes the same; two of $n$ views are fitted.
+    About 1 where there is hair; 0 where fewer than three views look, and deep inside.
+    """
+    near = hull.hair & (hull.distance > -DEEP)
+    points = hull.grid.centres(near)
+    planes = np.zeros((len(points), 3, 3))
+    seen, square = np.zeros(len(points)), np.zeros(len(points))
+    for view, found, head_depth in zip(views, maps, depths, strict=True):
+        plane = find_planes(hull, points, view, found, head_depth)
+        weight = plane.seen * plane.confidence
+        normal = plane.normal
+        planes += weight[:, None, None] * normal[:, :, None] * normal[:, None, :]
+        says = np.where(plane.confidence > 0, plane.seen, 0.0)
+        seen += says
+        square += says**2
+    least = np.maximum(np.linalg.eigvalsh(planes)[:, 0], 0.0)
+    looking = seen**2 / np.maximum(square, 1e-12)
+    expected = np.maximum(1.0 - 2.0 / np.maximum(looking, 2.0), 0.0) * seen
+    asked = expected > LEAST_FREEDOM
+    around = AROUND / hull.grid.spacing
+    least = _blurred(near, np.where(asked, least, 0.0), around)
+    expected = _blurred(near, np.where(asked, expected, 0.0), around) * SIGMA_SURE**2
+    known = _blurred(near, asked.astype(float), around) > LEAST_KNOWN
+    return np.where(known, least / np.maximum(expected, 1e-12), 0.0)
+
+
+def _blurred(
+    mask: Bool[np.ndarray, "x y z"], values: Float[np.ndarray, " voxels"], sigma: float
+) -> Float[np.ndarray, "x y z"]:
+    """Return the values of some voxels, blurred over the grid; elsewhere they are 0."""
+    spread = np.zeros(mask.shape)
+    spread[mask] = values
+    return np.asarray(ndimage.gaussian_filter(spread, sigma))

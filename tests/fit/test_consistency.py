@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+from ball_hair import camera_at, hull_where, view_of
+
+from hairfit.capture.orientation import SIGMA_SURE, OrientationMap
+from hairfit.fit.consistency import carve_by_direction, disagreement
+from hairfit.render.raster import project_points
+
+TRUE, WIDE = 0.058, 0.068
+NOISE = 1.5 * SIGMA_SURE
+TURNS = 90.0  # radians that the direction turns in a metre
+
+
+@pytest.fixture(scope="module")
+def hull():
+    return hull_where(
+        lambda p: np.linalg.norm(p, axis=1) < WIDE, [-0.08] * 3, [0.08] * 3, 0.004
+    )
+
+
+def upright(p):
+    """Hair that hangs down everywhere."""
+    return np.tile([0.0, 1.0, 0.0], (len(p), 1))
+
+
+def waved(p):
+    """Hair on the ball that lies in its surface and turns from place to place."""
+    out = p / np.linalg.norm(p, axis=1, keepdims=True)
+    side = np.cross([0.0, 1.0, 0.0], out)
+    side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-9)
+    angle = 0.8 * np.sin(TURNS * p[:, 1:2]) + 0.8 * np.sin(TURNS * p[:, :1])
+    return np.cos(angle) * np.cross(out, side) + np.sin(angle) * side
+
+
+def photograph(eye, direction, rng):
+    """Return a view of the ball and the angles of the hair on it, with their noise."""
+    camera = camera_at(eye, finer=3)
+    y, x = np.mgrid[: camera.height, : camera.width]
+    pixel = np.stack([x + 0.5, y + 0.5, np.ones(x.shape)], axis=-1).reshape(-1, 3)
+    cam = np.asarray(camera.cam_from_world, np.float64)
+    ray = np.linalg.solve(np.asarray(camera.K, np.float64), pixel.T).T @ cam[:3, :3]
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    along = -(ray @ eye)
+    root = along**2 - (eye @ eye - TRUE**2)
+    struck = root > 0
+    hit = eye + ray * (along - np.sqrt(np.maximum(root, 0.0)))[:, None]
+    ahead = project_points(hit + 1e-4 * direction(hit), camera).pixel
+    step = ahead - project_points(hit, camera).pixel
+    angle = np.arctan2(step[:, 1], step[:, 0]) + rng.normal(0, NOISE, len(step))
+    shape = x.shape
+    sure = (SIGMA_SURE / NOISE) ** 2 * struck.reshape(shape)
+    sigma = np.full(shape, NOISE)
+    found = OrientationMap((angle % np.pi).reshape(shape), sure, sigma)
+    # The mask is too wide: it is the hull's, not the hair's.
+    return view_of(camera, np.ones(shape, bool)), found
+
+
+def ring(direction, count=8):
+    rng = np.random.default_rng(0)
+    turn = 2 * np.pi * np.arange(count) / 8
+    eyes = 0.6 * np.stack([np.sin(turn), 0.1 + 0 * turn, np.cos(turn)], axis=1)
+    views, maps = zip(*(photograph(eye, direction, rng) for eye in eyes), strict=True)
+    return views, maps, [np.full(view.hair.shape, np.inf) for view in views]
+
+
+def test_hair_that_turns_tells_where_its_surface_is(hull):
+    carved = carve_by_direction(hull, *ring(waved))
+    radius = np.linalg.norm(hull.grid.centres(hull.hair), axis=1)
+    height = np.abs(hull.grid.centres(hull.hair)[:, 1])
+    left = carved.hair[hull.hair]
+    outer = (radius > TRUE + 0.004) & (height < 0.5 * TRUE)
+    assert left[outer].mean() < 0.6
+    assert left[radius < TRUE - 0.003].mean() > 0.99
+    assert (carved.distance[carved.hair] < 0).all()
+
+
+def test_hair_that_runs_one_way_tells_nothing(hull):
+    carved = carve_by_direction(hull, *ring(upright))
+    assert (carved.hair & hull.hair).sum() > 0.98 * hull.hair.sum()
+
+
+def test_two_views_never_disagree(hull):
+    views, maps, depths = ring(waved, count=2)
+    assert carve_by_direction(hull, views, maps, depths) is hull
+    assert disagreement(hull, views, maps, depths).max() == 0.0
+
+
+def test_disagreement_is_one_on_the_surface(hull):
+    narrow = hull_where(
+        lambda p: np.linalg.norm(p, axis=1) < TRUE, [-0.08] * 3, [0.08] * 3, 0.004
+    )
+    found = disagreement(narrow, *ring(waved))
+    asked = found[narrow.hair & (found > 0)]
+    assert len(asked) > 500
+    # Voxels are no points, and fade behind the surface: the expectation is a bound.
+    assert 0.1 < np.median(asked) < 1.2
