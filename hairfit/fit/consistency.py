@@ -48,10 +48,12 @@ def carve_by_direction(
         solid = np.asarray(ndimage.binary_erosion(hull.hair | (hull.head < 0)), bool)
         surface = hull.hair & ~solid
         cut = surface & (disagreement(hull, views, maps, depths) > INCONSISTENT)
-        if hull.hair.sum() == cut.sum():
+        left = hull.hair & ~cut
+        # No hull is worse than one that is too wide; what is whole is measured already.
+        if not left.any() or not cut.any():
             break
-        hull = hull_of(hull.grid, hull.hair & ~cut, hull.head)
-        if cut.sum() < FEWEST_CUT * hull.hair.sum():
+        hull = hull_of(hull.grid, left, hull.head)
+        if cut.sum() < FEWEST_CUT * left.sum():
             break
     return hull
 
