@@ -52,7 +52,8 @@ def carve(
     """Return the visual hull of the hair outside the head.
 
     A voxel may hold hair if half of the views have it in the picture, each of them
-    shows hair there or has the head in front of it, and a quarter shows hair.
+    shows hair there or has the head in front of it, and a quarter shows hair. Beyond a
+    border of the picture there is hair only where the hair at the border goes on.
 
     Args:
         views: The photographs with their masks.
@@ -119,7 +120,9 @@ def allowed_voxels(
         hair = np.asarray(ndimage.maximum_filter(view.hair, size=2 * grow + 1), bool)
         y, x, seen = cells(pixels, view.camera.width, view.camera.height)
         hidden = z > depth[y, x]
-        against += seen & ~hair[y, x] & ~hidden
+        # Of a point beyond the picture, its border tells; a picture without hair, none.
+        told = z > 0 if view.hair.any() else seen
+        against += told & ~hair[y, x] & ~hidden
         keep = against <= spare
         against = against[keep]
         pictures = (pictures + seen)[keep]
@@ -143,7 +146,7 @@ def _outside_head(grid: Grid, hair: Bool[np.ndarray, "x y z"], head: Mesh) -> Hu
     sizes = np.bincount(parts.ravel())
     sizes[0] = 0
     hair = np.isin(parts, np.flatnonzero(sizes >= LEAST_VOXELS))
-    hair = _grown(hair, skin)
+    hair = rooted_pieces(hair, skin)
     if not hair.any():
         raise InputError(
             "the hair masks leave no room for hair outside the head; check that "
@@ -162,7 +165,7 @@ def hull_of(
     return Hull(grid, hair, distance, head)
 
 
-def _grown(
+def rooted_pieces(
     hair: Bool[np.ndarray, "x y z"], skin: Float[np.ndarray, "x y z"]
 ) -> Bool[np.ndarray, "x y z"]:
     """Return the hair without pieces in the air, where cones of views happen to meet.

@@ -24,6 +24,7 @@ from ..types import Mesh, Strands
 from .checkpoint import Checkpoint
 from .confidence import with_confidence
 from .consistency import carve_by_direction
+from .corners import carve_corners
 from .derive import derive_strands
 from .evidence import Field, diffuse, gather
 from .flow import hair_flow
@@ -148,6 +149,7 @@ def fit_capture(
     views, depths, maps = seen.views, seen.depths, seen.maps
     progress("carving the hull", 0.32)
     hull = carve(views, depths, head, preset.spacing)
+    hull = carve_corners(hull, views, depths)
     hull = carve_by_direction(hull, views, maps, depths)
     scalp = capture.scalp or _wrapped(views, depths, head)
     progress("growing strands", 0.4)

@@ -16,8 +16,10 @@ from scipy.spatial import KDTree
 
 from hairfit.capture.distance import signed_distance
 from hairfit.errors import InputError
-from hairfit.fit.hull import MASK_MARGIN, carve, first_hit
+from hairfit.fit.grid import Grid
+from hairfit.fit.hull import MASK_MARGIN, allowed_voxels, carve, first_hit
 from hairfit.render import Camera, mesh_depth
+from hairfit.render.raster import project_points
 
 HAIR, SPACING = 0.11, 0.008  # a ball of hair around the head
 
@@ -121,6 +123,26 @@ def test_a_picture_that_does_not_contain_the_hair_does_not_carve(head, cameras):
     )
     one, other = (hull.grid.centres(hull.hair) for hull in (before, after))
     assert np.allclose(one, other, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("columns", "allowed"),
+    [((40, 80), False), ((0, 128), True), ((0, 80), "left"), ((40, 128), "right")],
+)
+def test_beyond_a_picture_hair_goes_on_where_it_reaches_the_border(columns, allowed):
+    front, side = camera_at([0.0, 0.0, 0.6]), camera_at([0.6, 0.0, 0.0])
+    mask = np.zeros((side.height, side.width), bool)
+    mask[:, slice(*columns)] = True
+    views = [view_of(front, np.ones_like(mask)), view_of(side, mask)]
+    # One place beyond each border of the second picture, which is 0.48 m wide there.
+    grid = Grid.around(
+        np.array([-0.01, -0.01, -0.3]), np.array([0.01, 0.01, 0.3]), 0.02
+    )
+    open_sight = [np.full(mask.shape, np.inf)] * 2
+    found = allowed_voxels(grid, np.ones(grid.shape, bool), views, open_sight, 0.0)
+    column, _ = project_points(np.array([[0.0, 0.0, -0.29]]), side).pixel[0]
+    ends = found[0, 0, [0, -1]] if column < 0 else found[0, 0, [-1, 0]]
+    assert ends.tolist() == [allowed in (True, "left"), allowed in (True, "right")]
 
 
 def test_two_of_eight_views_must_see_hair_not_the_head_before_it(cameras, head):
