@@ -396,8 +396,9 @@ def main(args: Sequence[str] | None = None) -> int:
     Args:
         args: The words after `hairfit`; those of the process if None.
     """
-    # What is compiled once stays compiled: a second fit starts half a minute sooner.
+    # What is compiled once stays compiled, small programs as well: there are many.
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache_folder()))
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     command: Any = tyro.cli(
         Command,
         prog="hairfit",

@@ -17,7 +17,7 @@ from .drawing import draw_preview, orbit_cameras
 
 # Hair is right that lies so near to where it is said to run. Metres, radians.
 RIGHT_PLACE, RIGHT_WAY = 0.003, math.radians(30.0)
-STRANDS, POINTS = 8000, 32
+STRANDS, POINTS = 6000, 32
 VIEWS = 4
 SIZE = (360, 450)
 # Linear RGB from a guess to what is sure, at even steps.

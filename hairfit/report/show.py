@@ -19,6 +19,8 @@ from .pictures import (
     photo_picture,
 )
 
+# So many strands are drawn, wider if there are more: in small pictures all look the same.
+DRAWN = 6000
 TURNS = 16
 TURNTABLE_SIZE = (360, 450)
 
@@ -47,7 +49,8 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
         )
     cameras = [view.camera for view in views]
     turns = orbit_cameras(points, TURNS, TURNTABLE_SIZE)
-    drawn = draw_hair(points, capture.head, [*cameras, *turns])
+    some = points[:: -(-len(points) // DRAWN)]
+    drawn = draw_hair(some, capture.head, [*cameras, *turns])
     frames = drawn[len(cameras) :]
     names = [page.name for page in pages]
     names += [f"turntable-{k:02}" for k in range(len(frames))]
