@@ -34,8 +34,6 @@ class GrowConfig:
     """Cosine to the hull's normal from which leaving it is an end, no grazing."""
     stiffness: float = 0.3
     """Share of the last direction that a strand keeps where the field is sure."""
-    steer: float = 0.5
-    """Share of the flow, against the last direction, in choosing the field's sign."""
     spread: float = 0.15
     """Share of the flow across the field that strands follow, to fill the hull."""
 
@@ -57,9 +55,9 @@ def grow(
 ) -> Float[np.ndarray, "strands knots 3"]:
     """Return strands that start at the roots and follow the field to their tips.
 
-    The field has no sign: a strand takes that of the flow and of the sense in which it
-    came. It slides along the hull where it leaves it at a low angle, and ends where it
-    leaves it steeply.
+    The field has no sign: a strand takes that of the flow, and ends where the flow
+    comes towards it. It slides along the hull where it leaves it at a low angle, and
+    ends where it leaves it steeply.
 
     Args:
         hull: Where hair can be.
@@ -116,8 +114,7 @@ def _trace(
     def heading(point, last):
         index, weight = corners(lines.shape[:3], origin, spacing, point)
         near = lines[index[:, 0], index[:, 1], index[:, 2]]
-        sense = (1.0 - config.steer) * last[None] + config.steer * near[:, 4:]
-        sign = jnp.where(jnp.sum(near[:, :3] * sense, axis=1) < 0, -1.0, 1.0)
+        sign = jnp.where(jnp.sum(near[:, :3] * near[:, 4:], axis=1) < 0, -1.0, 1.0)
         sure = weight * (near[:, 3] + 0.02)
         mean = (sure * sign) @ near[:, :3] / jnp.maximum(jnp.sum(sure), 1e-6)
         ahead, flow = unit(mean, last), weight @ near[:, 4:]

@@ -30,6 +30,8 @@ from .residuals import (
 )
 from .volume import Gaps, HairVolume, field_loss, find_gaps, gap_loss, head_loss
 
+SHORTEST = 1e-4  # metres: a piece of a strand counts as no shorter
+
 
 @dataclasses.dataclass(frozen=True)
 class RefineConfig:
@@ -47,6 +49,8 @@ class RefineConfig:
     """How far scale, twist and shear go in a step."""
     sigma_move: float = 0.01
     sigma_bend: float = 0.002
+    sigma_stretch: float = 0.5
+    """By what share pieces of strands grow longer or shorter."""
     sigma_map: float = 0.2
     field: float = 1.0
     """What the direction of the evidence, all through the hair, counts."""
@@ -217,6 +221,17 @@ def moved(problem: Problem, moves: Moves, turn: Turn) -> GeneralizedCylinder:
 _moved = eqx.filter_jit(moved)
 
 
+def stretched(
+    before: Float[Array, "strands knots 3"], after: Float[Array, "strands knots 3"]
+) -> Float[Array, "strands segments"]:
+    """Return by what share the segments of strands have become longer."""
+    old, new = (
+        jnp.sqrt(jnp.sum(jnp.diff(points, axis=1) ** 2, axis=2) + SHORTEST**2)
+        for points in (before, after)
+    )
+    return new / old - 1.0
+
+
 def carry(
     before: GeneralizedCylinder,
     after: GeneralizedCylinder,
@@ -247,6 +262,8 @@ def _descend(
     config: RefineConfig,
 ) -> Moves:
     """Return the moves after some steps of Adam."""
+    tree = problem.tree
+    before = _strands(tree, tree.cylinder, problem.samples, config.points)
 
     def loss(moves):
         cylinder = moved(problem, moves, turn)
@@ -256,6 +273,8 @@ def _descend(
         for change in (moves.scale, moves.twist, moves.shear):
             prior += jnp.mean((change / config.sigma_map) ** 2)
             prior += jnp.mean((jnp.diff(change, axis=1) / config.sigma_map) ** 2)
+        stretch = stretched(before, strands) / config.sigma_stretch
+        prior += jnp.mean(stretch**2)
         found = image_loss(strands, given.seen, problem.maps)
         found += bare_loss(strands, given.pulls, problem.maps)
         found += config.field * field_loss(strands, problem.volume)

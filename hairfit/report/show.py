@@ -19,7 +19,7 @@ from .pictures import (
     photo_picture,
 )
 
-# So many strands are drawn, wider if there are more: in small pictures all look the same.
+# So many strands are drawn, wider if there are more: small pictures look the same.
 DRAWN = 6000
 TURNS = 16
 TURNTABLE_SIZE = (360, 450)

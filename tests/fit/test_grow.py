@@ -73,6 +73,16 @@ def test_strands_take_the_sense_of_the_flow_against_the_scalps_normal():
     assert (up[:, -1, 1] > -0.02).all()
 
 
+def test_strands_end_where_the_flow_comes_towards_them():
+    hull = tube()
+    flow = one_way(hull, [0, -1, 0])
+    middle = ROOTS[0, 1] - 0.05
+    height = hull.grid.centres(np.ones(hull.grid.shape, bool))[:, 1]
+    flow = flow * np.where(height < middle, -1.0, 1.0).reshape(*hull.grid.shape, 1)
+    strands = grow(hull, constant(hull, [0, 1, 0]), flow, ROOTS, DOWN, 20)
+    assert np.abs(strands[:, -1, 1] - middle).max() < 2 * CONFIG.step
+
+
 def test_strands_spread_with_the_flow_by_the_share_that_is_asked_for():
     hull = tube()
     field, flow = constant(hull, [0, 1, 0]), one_way(hull, [0.6, -0.8, 0.0])
@@ -138,10 +148,11 @@ def test_strands_that_come_back_to_the_head_do_not_enter_it(azimuth):
     rng = np.random.default_rng(0)
     roots = meridian(rng.uniform(0.9, 1.3, 60), azimuth + rng.uniform(-0.1, 0.1, 60))
     normals = roots / RADIUS
-    # Away from the axis, where all strands start.
-    outward = circle * np.sign(np.einsum("ij,j->i", circle, up))[:, None]
-    flow = outward.reshape(*shape, 3)
-    strands = grow(hull, field, flow, roots, normals, 60, GrowConfig(steer=0.0))
+    # Out of the skin where all strands start, about the axis, and back.
+    out = np.cross(roots - RADIUS * axis, np.cross(axis, up))
+    sense = np.sign(np.einsum("ij,ij->i", out, normals).mean())
+    flow = sense * field.direction
+    strands = grow(hull, field, flow, roots, normals, 60)
     away = np.linalg.norm(strands, axis=2)
     back = (away.max(axis=1) > RADIUS + 0.01) & (away[:, -1] < RADIUS + 0.005)
     assert back.mean() > 0.5

@@ -18,6 +18,7 @@ from hairfit.fit.refine import (
     carry,
     moved,
     refine,
+    stretched,
 )
 from hairfit.fit.residuals import photo_maps
 from hairfit.fit.volume import hair_volume
@@ -207,6 +208,18 @@ CONFIG = RefineConfig(rounds=2, steps=15, points=POINTS)
 
 
 @pytest.mark.slow
+def test_segments_are_stretched_by_how_much_longer_they_are():
+    rng = np.random.default_rng(0)
+    strands = jnp.asarray(np.cumsum(rng.normal(size=(5, 9, 3)), axis=1))
+    moved_away = strands + jnp.array([[[1.0, -2.0, 3.0]]])
+    assert np.abs(np.asarray(stretched(strands, moved_away))).max() < 1e-6
+    assert np.allclose(stretched(strands, 1.3 * strands), 0.3, atol=1e-6)
+    one_longer = strands.at[2, 8].add(strands[2, 8] - strands[2, 7])
+    expected = np.zeros((5, 8))
+    expected[2, 7] = 1.0
+    assert np.allclose(stretched(strands, one_longer), expected, atol=1e-6)
+
+
 def test_a_displaced_tree_comes_back(tree, scene):
     taken, samples, maps, head = scene
     truth = strands_of(single(tree), samples)
