@@ -70,6 +70,21 @@ def test_few_layers_are_nearly_as_good_as_all(context, bob, camera):
     assert 10.0 * np.log10(1.0 / ((few - exact) ** 2).mean()) > 40.0
 
 
+def test_hair_at_one_depth_looks_the_same_in_whatever_order_it_is_given(
+    context, camera
+):
+    rng = np.random.default_rng(3)
+    ends = rng.uniform(-0.1, 0.1, (30, 2, 1, 3)) * [1.0, 1.0, 0.0]
+    t = np.linspace(0.0, 1.0, 9)[None, :, None]
+    strands = (1 - t) * ends[:, 0] + t * ends[:, 1]
+    scene = flat_scene(strands)
+    assert scene.tint is not None
+    turned = dataclasses.replace(scene, strands=strands[::-1], tint=scene.tint[::-1])
+    one, other = (drawn(context, each, camera) for each in (scene, turned))
+    assert one[..., 3].max() > 0.3
+    np.testing.assert_array_equal(one, other)
+
+
 def test_parts_of_a_picture_are_the_whole(context, bob, camera, monkeypatch):
     scene = flat_scene(bob)
     frames = Frames(context, scene, NEAR_EXACT)

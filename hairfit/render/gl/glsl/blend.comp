@@ -21,6 +21,11 @@ vec3 srgb(vec3 c) {
     vec3 low = 12.92 * c, high = 1.055 * pow(max(c, vec3(1e-9)), vec3(1.0 / 2.4)) - 0.055;
     return mix(high, low, lessThanEqual(c, vec3(0.0031308)));
 }
+// Pieces at the same depth have an order as well: that of the list is chance.
+bool is_before(uvec3 x, uvec3 y) {
+    if (x.x != y.x) return x.x < y.x;
+    return x.y != y.y ? x.y < y.y : x.z < y.z;
+}
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= count) return;
@@ -39,7 +44,7 @@ void main() {
             at = r.x;
             for (int k = 0; k < DEEP; k++) {
                 uvec3 y = nearest[k];
-                bool before = x.x < y.x;
+                bool before = is_before(x, y);
                 nearest[k] = before ? x : y;
                 x = before ? y : x;
             }
