@@ -25,6 +25,7 @@ from hairfit.capture.capture import Capture, require_for_fit
 from hairfit.cli import cache_folder
 from hairfit.evaluate.match import score
 from hairfit.fit import FitConfig, FitResult, fit_capture
+from hairfit.io.strands import load_strands
 from hairfit.types import Strands
 
 SHARED = pathlib.Path(__file__).parents[2] / "shared" / "captures"
@@ -43,18 +44,12 @@ def main() -> None:
     found = given.captures or [SHARED / name for name in ("ruby", "ponytail")]
     for folder in found:
         capture = load_capture(folder, given.views)
-        truth = true_strands(folder)
+        truth = load_strands(folder / "truth.npz")
         name = f"{folder.name}, {given.views} views, {given.quality}"
         config = FitConfig(quality=given.quality)
         clean = try_seeds(name, capture, truth, config, given.seeds)
         if given.spoil >= 0:
             try_corruptions(name, capture, truth, config, given.spoil, clean)
-
-
-def true_strands(folder: pathlib.Path) -> Strands:
-    """Return the strands of a capture's `truth.npz`."""
-    with np.load(folder / "truth.npz") as held:
-        return Strands(held["points"].astype(np.float32), held["offsets"])
 
 
 def try_seeds(
