@@ -83,9 +83,11 @@ class FakeFit:
         return fit.FitResult(
             tree=one_cluster(),
             strands=hair(),
+            owner=np.zeros(hair().count, int),
             figures={"loss": 0.125},
             maps=[found for _ in capture.views],
             views=tuple(capture.views),
+            depths=[np.full(shape, np.inf) for _ in capture.views],
             doubts=(),
         )
 

@@ -8,6 +8,7 @@ to where the photographs show hair, and projected onto the mesh.
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -35,6 +36,9 @@ class SeenHead(NamedTuple):
     depth: Float[np.ndarray, "height width"]
 
 
+_weights = jax.jit(catmull_rom_weights, static_argnums=0)
+
+
 def wrap_scalp(head: Mesh, seen: Sequence[SeenHead] = ()) -> Scalp:
     """Return a scalp patch on a head, inside the hairline that the photographs show.
 
@@ -55,7 +59,7 @@ def wrap_scalp(head: Mesh, seen: Sequence[SeenHead] = ()) -> Scalp:
     # Ears, collars and gaps between parts of a mesh are not the cranium.
     radii = ndimage.gaussian_filter(ndimage.median_filter(radii, 5), 1.0)
     target = cranium.centre + radii.reshape(-1, 1) * rays
-    weights = np.asarray(catmull_rom_weights(13, jnp.asarray(share)), np.float64)
+    weights = np.asarray(_weights(13, jnp.asarray(share)), np.float64)
     solve = np.linalg.pinv(weights)
     lift = np.zeros(len(target))
     control = np.zeros((13, 13, 3))

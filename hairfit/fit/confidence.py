@@ -20,9 +20,9 @@ from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..model.certainty import TreeConfidence
 from ..model.cylinder import frames_of
-from ..model.strand import grow_strands
+from ..model.strand import grow
 from ..model.tree import HairTree, leaves, levels
-from .refine import Samples
+from .refine import Samples, filled
 from .residuals import seen_segments
 from .sightings import Told, outline_distance, pieces_of, scatter, tell
 from .unseen import find_room, place_variance, turn_variance
@@ -72,6 +72,8 @@ def with_confidence(
     depths: Sequence[Float[np.ndarray, "_height _width"]],
     maps: Sequence[OrientationMap],
     config: ConfidenceConfig | None = None,
+    *,
+    room: int = 0,
 ) -> HairTree:
     """Return the tree that says how sure the photographs make each of its clusters.
 
@@ -82,6 +84,7 @@ def with_confidence(
         depths: Depth of the head in them, in metres.
         maps: Their orientation maps.
         config: What is held of all hair.
+        room: Arrays hold so many clusters, if the tree has fewer, see `refine`.
 
     Raises:
         ValueError: If there is no strand or no photograph.
@@ -89,7 +92,7 @@ def with_confidence(
     if not len(samples.owner) or not len(views):
         raise ValueError("confidence needs at least one strand and one photograph.")
     config = config or ConfidenceConfig()
-    evidence = find_evidence(tree, samples, views, depths, maps, config)
+    evidence = find_evidence(tree, samples, views, depths, maps, config, room)
     confidence = solve(tree, evidence, config)
     return dataclasses.replace(tree, confidence=confidence)
 
@@ -101,10 +104,12 @@ def find_evidence(
     depths: Sequence[Float[np.ndarray, "_height _width"]],
     maps: Sequence[OrientationMap],
     config: ConfidenceConfig,
+    room: int = 0,
 ) -> Evidence:
     """Return what photographs tell, and what is held, of each stretch."""
     whole = jnp.ones(len(samples.owner), samples.uv.dtype)
-    grown = grow_strands(tree, samples.uv, samples.owner, whole, config.points)
+    clusters = filled(tree, room)
+    grown = grow(tree.scalp, *clusters, *samples, whole, config.points)
     strands = np.asarray(grown, np.float64)
     knots = tree.cylinder.skeleton.shape[1]
     pieces = pieces_of(strands, np.asarray(samples.owner), tree.count, knots)
@@ -113,9 +118,9 @@ def find_evidence(
     every = [tell(pieces, *one) for one in zip(views, maps, within, seen, strict=True)]
     told = Told(*(np.sum(parts, axis=0) for parts in zip(*every, strict=True)))
     turn = turn_variance(pieces, np.any(seen, axis=0))
-    room = find_room(pieces, views, depths, within)
-    variance = place_variance(room.deep, config.sigma_hull, config.spacing)
-    place = pieces.totals(room.across / variance[:, None, None])
+    free = find_room(pieces, views, depths, within)
+    variance = place_variance(free.deep, config.sigma_hull, config.spacing)
+    place = pieces.totals(free.across / variance[:, None, None])
     count = with_descendants(tree, pieces.total(np.ones(len(turn))))
     some = np.maximum(count, 1.0)
     told = Told(*(with_descendants(tree, part) for part in told))

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..capture.distance import Skin, push_out
 from ..errors import InputError
-from ..model.strand import sample_strands
+from ..model.strand import sample_hair
 from ..model.tree import HairTree
 from ..types import Mesh, Strands, resample_paths
 
@@ -24,9 +24,28 @@ LIFTS = 6  # how often strands are lifted over corners that they would cut
 FARTHEST_LIFT = 0.004  # metres that a point is lifted each time, at most
 
 
+class Derived(NamedTuple):
+    """Strands of a tree.
+
+    Attributes:
+        strands: The strands, of equal counts of points.
+        owner: The leaf cluster of each.
+    """
+
+    strands: Strands
+    owner: Int[np.ndarray, " strands"]
+
+
 def derive_strands(
     tree: HairTree, head: Mesh | None, count: int, points: int, seed: int
 ) -> Strands:
+    """Return strands of a tree, see `derive_hair`."""
+    return derive_hair(tree, head, count, points, seed).strands
+
+
+def derive_hair(
+    tree: HairTree, head: Mesh | None, count: int, points: int, seed: int
+) -> Derived:
     """Return strands of a tree, laid onto the skin where they would run under it.
 
     Segments that would cut through a bulge of the skin are lifted over it. Where a
@@ -42,22 +61,35 @@ def derive_strands(
     Raises:
         InputError: If the tree's clusters cover nothing of the scalp.
     """
-    wanted = count if head is None else int(SPARE * count) + 1
-    found = np.array(sample_strands(tree, wanted, points, jax.random.key(seed)))
+    wanted = count if head is None else with_spare(count)
+    hair = sample_hair(tree, wanted, points, jax.random.key(seed))
+    found, owner = np.array(hair.strands), np.asarray(hair.owner)
     if not len(found):
         raise InputError(
             "no strand grows from the tree: its clusters cover nothing of the scalp; "
             "fit it again."
         )
     if head is not None:
-        found = _outside(found.astype(np.float64), Skin(head))[:count]
-    return Strands.from_array(found)
+        out = _outside(found.astype(np.float64), Skin(head))
+        kept = out.kept[:count]
+        found, owner = out.strands[kept], owner[kept]
+    return Derived(Strands.from_array(found), owner)
 
 
-def _outside(
-    strands: Float[np.ndarray, "strands points 3"], skin: Skin
-) -> Float[np.ndarray, "kept points 3"]:
-    """Return the strands laid onto the skin, cut where they dive, without stubs."""
+def with_spare(count: int) -> int:
+    """Return how many strands are grown so that `count` are left outside a head."""
+    return int(SPARE * count) + 1
+
+
+class Outside(NamedTuple):
+    """Strands on the skin, and the indices of those that are more than stubs."""
+
+    strands: Float[np.ndarray, "strands points 3"]
+    kept: Int[np.ndarray, " kept"]
+
+
+def _outside(strands: Float[np.ndarray, "strands points 3"], skin: Skin) -> Outside:
+    """Return the strands laid onto the skin and cut where they dive."""
     points = strands.shape[1]
     strands = lifted(strands, skin)
     # As they will be stored: rounding may not push a point back in.
@@ -69,7 +101,7 @@ def _outside(
     strands[cut] = resample_paths(strands[cut], points)
     keep = last > 0
     keep[cut] &= last_outside(strands[cut], skin) == points - 1
-    return strands[keep]
+    return Outside(strands, np.flatnonzero(keep))
 
 
 def lifted(

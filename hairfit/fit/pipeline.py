@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ..capture.capture import Capture, View
 from ..capture.orientation import OrientationMap, estimate_orientation
@@ -21,11 +21,12 @@ from ..model.scalp import Scalp, normals_on, points_on, sample_roots
 from ..model.tree import HairTree, leaves, levels
 from ..render.raster import mesh_depth
 from ..types import Mesh, Strands
+from .ahead import Shapes, compile_growth, compile_refinement, compiling_ahead
 from .checkpoint import Checkpoint
-from .confidence import with_confidence
+from .confidence import ConfidenceConfig, with_confidence
 from .consistency import carve_by_direction
 from .corners import carve_corners
-from .derive import derive_strands
+from .derive import derive_hair, with_spare
 from .evidence import Field, diffuse, gather
 from .flow import hair_flow
 from .gather import Rooted
@@ -40,9 +41,10 @@ from .treeify import (
     TreeifyConfig,
     fit_levels,
     gather_levels,
+    level_sizes,
     on_scalp,
 )
-from .trust import mute_clipped, without_suspects
+from .trust import Trusted, mute_clipped, without_suspects
 from .volume import hair_volume, inner_places
 
 Progress = Callable[[str, float], None]
@@ -104,17 +106,21 @@ class FitResult(NamedTuple):
     Attributes:
         tree: The hairstyle.
         strands: Strands of the tree, outside the head.
+        owner: The leaf cluster of each strand.
         figures: What `report.json` says of the fit.
         maps: The orientation map of every photograph.
         views: The photographs as they were used: mended, where they had to be.
+        depths: Depth of the head in them, in metres.
         doubts: What was wrong with photographs.
     """
 
     tree: HairTree
     strands: Strands
+    owner: Int[np.ndarray, " strands"]
     figures: dict[str, Any]
     maps: list[OrientationMap]
     views: tuple[View, ...]
+    depths: Depths
     doubts: tuple[Doubt, ...]
 
 
@@ -145,88 +151,162 @@ def fit_capture(
             "metres and where the cameras see it."
         )
     store = Checkpoint(checkpoint)
-    seen = _look(capture.views, head, store, progress)
-    views, depths, maps = seen.views, seen.depths, seen.maps
-    progress("carving the hull", 0.32)
-    hull = carve(views, depths, head, preset.spacing)
-    hull = carve_corners(hull, views, depths)
-    hull = carve_by_direction(hull, views, maps, depths)
-    scalp = capture.scalp or _wrapped(views, depths, head)
-    progress("growing strands", 0.4)
-    field = _field(hull, seen, store)
-    uv, grown = _grow(hull, field, scalp, preset, config, store)
-    progress("fitting cylinders", 0.5)
-    tree, error = _tree(scalp, uv, grown, preset, config, store)
+    # Arrays for so many clusters, or each tree would be compiled anew.
+    room = sum(level_sizes(preset.leaves, preset.levels))
+    first = _first_tree(capture, head, config, room, store, progress)
+    views, depths = first.shots.views, first.shots.depths
+    hull, tree = first.hull, first.tree
     progress("refining the tree", 0.6)
-    tree = prune(tree, _samples(tree, preset, config), hull)
+    alike = {"points": preset.refine.points, "room": room}
+    tree = prune(tree, _samples(tree, preset, config), hull, **alike)
     tree = refine(
         tree,
         _samples(tree, preset, config),
-        Photographs(views, depths, photo_maps(views, maps, depths)),
-        hair_volume(hull, field),
+        Photographs(views, depths, photo_maps(views, first.maps, depths)),
+        hair_volume(hull, first.field),
         inner_places(hull),
         preset.refine,
         progress=lambda share: progress("refining the tree", 0.6 + 0.35 * share),
+        room=room,
     )
-    tree = prune(tree, _samples(tree, preset, config), hull)
+    tree = prune(tree, _samples(tree, preset, config), hull, **alike)
     progress("finding what is certain", 0.95)
     samples = _samples(tree, preset, config)
-    tree = with_confidence(tree, samples, views, depths, maps)
+    sure = ConfidenceConfig(points=preset.refine.points)
+    tree = with_confidence(tree, samples, views, depths, first.maps, sure, room=room)
     # Rounded as its file will hold it, so that the strands are those of the file.
     tree = round_tree(tree)
     progress("drawing strands", 0.96)
-    strands = derive_strands(tree, head, config.strands, STRAND_POINTS, config.seed)
+    hair = derive_hair(tree, head, config.strands, STRAND_POINTS, config.seed)
     parent = np.asarray(tree.parent)
     figures = {
         "voxels": int(hull.hair.sum()),
         "voxel_mm": 1e3 * hull.grid.spacing,
-        "grown_strands": len(grown),
+        "grown_strands": first.grown,
         "levels": len(levels(tree)),
         "root_clusters": int((parent < 0).sum()),
         "leaf_clusters": len(leaves(tree)),
-        "cylinder_error_mm": 1e3 * error,
-        "median_length_mm": 1e3 * float(np.median(strand_lengths(strands))),
+        "cylinder_error_mm": 1e3 * first.error,
+        "median_length_mm": 1e3 * float(np.median(strand_lengths(hair.strands))),
     }
-    return FitResult(tree, strands, figures, seen.all_maps, seen.all_views, seen.doubts)
+    return FitResult(
+        tree,
+        *hair,
+        figures,
+        first.all_maps,
+        first.shots.trusted.views,
+        first.shots.trusted.depths,
+        first.shots.doubts,
+    )
 
 
-class Seen(NamedTuple):
-    """What the photographs show: those that are used, and all of them."""
+class Shots(NamedTuple):
+    """The photographs that are used, and what was found of all of them.
+
+    Attributes:
+        views: Those that are used.
+        depths: Depth of the head in each of these, in metres.
+        trusted: All photographs, mended where they had to be.
+        doubts: What was wrong with some.
+    """
 
     views: list[View]
     depths: Depths
-    maps: list[OrientationMap]
-    all_views: tuple[View, ...]
-    all_maps: list[OrientationMap]
+    trusted: Trusted
     doubts: tuple[Doubt, ...]
 
 
-def _look(
-    views: Sequence[View], head: Mesh, store: Checkpoint, progress: Progress
-) -> Seen:
-    """Return what photographs show, once doubtful ones are mended or left out."""
-    progress("measuring the head", 0.0)
+class First(NamedTuple):
+    """A tree before its refinement, and what it was grown from.
+
+    Attributes:
+        shots: The photographs.
+        maps: Orientation maps of those that are used.
+        all_maps: Orientation maps of all of them.
+        hull: Where hair can be.
+        field: Which way it runs there.
+        tree: The tree of the grown strands.
+        error: How far it is from them, in metres.
+        grown: How many they were.
+    """
+
+    shots: Shots
+    maps: list[OrientationMap]
+    all_maps: list[OrientationMap]
+    hull: Hull
+    field: Field
+    tree: HairTree
+    error: float
+    grown: int
+
+
+def _first_tree(
+    capture: Capture,
+    head: Mesh,
+    config: FitConfig,
+    room: int,
+    store: Checkpoint,
+    progress: Progress,
+) -> First:
+    """Return the tree of strands that grow along what the photographs show.
+
+    What the refinement needs is compiled meanwhile, for trees of so many clusters.
+    """
+    preset = PRESETS[config.quality]
+    with compiling_ahead() as ahead:
+        spared = with_spare(config.strands)
+        ahead(compile_growth, preset.guides, (preset.refine.strands, spared))
+        progress("measuring the head", 0.0)
+        shots = _trusted(capture.views, head, store)
+        views, depths = shots.views, shots.depths
+        progress("carving the hull", 0.05)
+        hull = carve(views, depths, head, preset.spacing)
+        shapes = Shapes(len(views), largest(views), hull.grid.shape, room, preset.knots)
+        ahead(compile_refinement, shapes, preset.refine)
+        hull = carve_corners(hull, views, depths)
+        all_maps = _orientation(shots.trusted.views, store, progress)
+        all_maps = mute_clipped(shots.trusted.views, all_maps, shots.doubts)
+        maps = [all_maps[k] for k in _used(shots.trusted)]
+        progress("carving by direction", 0.35)
+        hull = carve_by_direction(hull, views, maps, depths)
+        scalp = capture.scalp or _wrapped(views, depths, head)
+        progress("growing strands", 0.4)
+        field = _field(hull, shots, maps, store)
+        uv, grown = _grow(hull, field, scalp, preset, config, store)
+        progress("fitting cylinders", 0.5)
+        tree, error = _tree(scalp, uv, grown, preset, config, store)
+    return First(shots, maps, all_maps, hull, field, tree, error, len(grown))
+
+
+def _trusted(views: Sequence[View], head: Mesh, store: Checkpoint) -> Shots:
+    """Return the photographs once doubtful ones are mended or left out."""
     depths = _depths(views, head, store)
     doubts = find_suspects(views, depths, head)
     trusted = without_suspects(views, depths, head, doubts)
-    progress("finding orientation", 0.05)
-    maps = _orientation(trusted.views, store, progress)
-    maps = mute_clipped(trusted.views, maps, doubts)
-    used = [k for k, use in enumerate(trusted.used) if use]
-    return Seen(
+    used = _used(trusted)
+    return Shots(
         [trusted.views[k] for k in used],
         [trusted.depths[k] for k in used],
-        [maps[k] for k in used],
-        trusted.views,
-        maps,
+        trusted,
         tuple(doubts),
     )
+
+
+def _used(trusted: Trusted) -> list[int]:
+    return [k for k, use in enumerate(trusted.used) if use]
+
+
+def largest(views: Sequence[View]) -> tuple[int, int]:
+    """Return height and width of the smallest picture that would hold all."""
+    cameras = [view.camera for view in views]
+    return max(c.height for c in cameras), max(c.width for c in cameras)
 
 
 def _orientation(
     views: Sequence[View], store: Checkpoint, progress: Progress
 ) -> list[OrientationMap]:
     maps = []
+    progress("finding orientation", 0.1)
     for i, view in enumerate(views):
         saved = store.load(f"orientation-{view.name}")
         if saved is None:
@@ -237,7 +317,7 @@ def _orientation(
             }
             store.save(f"orientation-{view.name}", saved)
         maps.append(OrientationMap(**saved))
-        progress("finding orientation", 0.05 + 0.27 * (i + 1) / len(views))
+        progress("finding orientation", 0.1 + 0.25 * (i + 1) / len(views))
     return maps
 
 
@@ -261,10 +341,12 @@ class Grown(NamedTuple):
     strands: Float[np.ndarray, "strands knots 3"]
 
 
-def _field(hull: Hull, seen: Seen, store: Checkpoint) -> Field:
+def _field(
+    hull: Hull, shots: Shots, maps: Sequence[OrientationMap], store: Checkpoint
+) -> Field:
     saved = store.load("field")
     if saved is None:
-        evidence = gather(hull, seen.views, seen.maps, seen.depths)
+        evidence = gather(hull, shots.views, maps, shots.depths)
         found = diffuse(hull, evidence)
         saved = {"direction": found.direction, "anisotropy": found.anisotropy}
         store.save("field", saved)

@@ -5,17 +5,24 @@ import numpy as np
 from jaxtyping import Float
 from scipy import ndimage
 
-from ..model.strand import grow_strands
+from ..model.strand import grow
 from ..model.tree import HairTree, leaves, take
 from .hull import Hull
-from .refine import Samples
+from .refine import Samples, filled
 
 STRAY = 0.006  # metres outside the hull at which a point counts as lost
 MOST_LOST = 0.12  # share of lost points that a leaf may have
 POINTS = 24
 
 
-def prune(tree: HairTree, samples: Samples, hull: Hull) -> HairTree:
+def prune(
+    tree: HairTree,
+    samples: Samples,
+    hull: Hull,
+    *,
+    points: int = POINTS,
+    room: int = 0,
+) -> HairTree:
     """Return the tree without leaves whose strands leave the hull.
 
     Their roots go to the closest leaf below the same cluster, as figure 4-15 of the
@@ -25,8 +32,10 @@ def prune(tree: HairTree, samples: Samples, hull: Hull) -> HairTree:
         tree: The tree.
         samples: Strands over the whole scalp.
         hull: Where hair can be.
+        points: How many points of each strand are looked at.
+        room: Arrays hold so many clusters, if the tree has fewer, see `refine`.
     """
-    lost = lost_share(tree, samples, hull)
+    lost = lost_share(tree, samples, hull, points=points, room=room)
     parent = np.asarray(tree.parent)
     leaf = np.zeros(tree.count, bool)
     leaf[leaves(tree)] = True
@@ -39,16 +48,22 @@ def prune(tree: HairTree, samples: Samples, hull: Hull) -> HairTree:
 
 
 def lost_share(
-    tree: HairTree, samples: Samples, hull: Hull
+    tree: HairTree,
+    samples: Samples,
+    hull: Hull,
+    *,
+    points: int = POINTS,
+    room: int = 0,
 ) -> Float[np.ndarray, " clusters"]:
     """Return the share of each leaf's strands' points that are outside the hull."""
     whole = jnp.ones(len(samples.owner), samples.uv.dtype)
-    strands = grow_strands(tree, samples.uv, samples.owner, whole, POINTS)
-    points = np.asarray(strands, np.float64).reshape(-1, 3)
-    at = (points - hull.grid.origin) / hull.grid.spacing - 0.5
+    clusters = filled(tree, room)
+    strands = grow(tree.scalp, *clusters, *samples, whole, points)
+    places = np.asarray(strands, np.float64).reshape(-1, 3)
+    at = (places - hull.grid.origin) / hull.grid.spacing - 0.5
     distance = ndimage.map_coordinates(hull.distance, at.T, order=1, mode="nearest")
-    beyond = ~hull.grid.inside(hull.grid.voxel(points))
-    share = ((distance > STRAY) | beyond).reshape(-1, POINTS).mean(axis=1)
+    beyond = ~hull.grid.inside(hull.grid.voxel(places))
+    share = ((distance > STRAY) | beyond).reshape(-1, points).mean(axis=1)
     owner = np.asarray(samples.owner)
     total = np.bincount(owner, share, minlength=tree.count)
     return total / np.maximum(np.bincount(owner, minlength=tree.count), 1)

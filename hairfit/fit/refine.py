@@ -6,6 +6,7 @@ number move thousands of strands, also where no photograph looks.
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -18,8 +19,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..capture.capture import View
 from ..model.cylinder import GeneralizedCylinder, cylinder_frames
+from ..model.scalp import Scalp
 from ..model.strand import grow
-from ..model.tree import HairTree, depths_of
+from ..model.tree import HairTree, ScalpContour, depths_of
 from .residuals import (
     PhotoMaps,
     Pulls,
@@ -91,9 +93,21 @@ class Found(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """All that a loss needs besides the moves."""
+    """All that a loss needs besides the moves.
 
-    tree: HairTree
+    Attributes:
+        scalp: The scalp.
+        contour: The scalp contours of all clusters, stacked.
+        cylinder: The clusters as they were before this level.
+        level: Their levels; -1 for those that only fill the arrays.
+        samples: The strands that are compared.
+        maps: What photographs say.
+        volume: What is known of the space around.
+    """
+
+    scalp: Scalp
+    contour: ScalpContour
+    cylinder: GeneralizedCylinder
     level: Int[Array, " clusters"]
     samples: Samples
     maps: PhotoMaps
@@ -120,6 +134,8 @@ def refine(
     places: Float[np.ndarray, "places 3"],
     config: RefineConfig | None = None,
     progress: Callable[[float], None] = lambda share: None,
+    *,
+    room: int = 0,
 ) -> HairTree:
     """Return the tree after gradient descent on the photographs' residuals.
 
@@ -131,32 +147,59 @@ def refine(
         places: Where there should be hair, in metres.
         config: How far to go.
         progress: Called with the share that is done.
+        room: Arrays hold so many clusters, if the tree has fewer: trees of different
+            counts then share their compiled programs.
     """
     config = config or RefineConfig()
-    level = depths_of(tree.parent)
     views, depths, maps = photographs
-    problem = Problem(tree, jnp.asarray(level, jnp.int32), samples, maps, volume)
-    count = int(level.max()) + 1
+    spare = max(0, room - tree.count)
+    depth = depths_of(tree.parent)
+    level = jnp.asarray(np.pad(depth, (0, spare), constant_values=-1), jnp.int32)
+    clusters = filled(tree, room)
+    problem = Problem(tree.scalp, *clusters, level, samples, maps, volume)
+    steps = jnp.asarray(config.steps, jnp.int32)
+    count = int(depth.max()) + 1
     done = 0
     for at in range(count):
-        above = jnp.asarray(ancestors(tree.parent, at), jnp.int32)
-        turn = Turn(jnp.asarray(at, jnp.int32), above)
-        problem = problem._replace(tree=tree)
-        moves = _still(tree.cylinder)
-        current = _moved(problem, moves, turn)
+        above = [*ancestors(tree.parent, at), *range(tree.count, tree.count + spare)]
+        turn = Turn(jnp.asarray(at, jnp.int32), jnp.asarray(above, jnp.int32))
+        moves = still(problem.cylinder)
+        current = move(problem, moves, turn)
         for _ in range(config.rounds):
-            strands = np.asarray(_strands(tree, current, samples, config.points))
+            strands = np.asarray(strands_of(problem, current, config.points))
             found = Found(
                 jnp.asarray(seen_segments(strands, views, depths)),
                 find_pulls(strands, views, depths, done),
                 find_gaps(strands, places, done),
             )
-            moves = _descend(problem, moves, found, turn, config)
-            current = _moved(problem, moves, turn)
+            moves = descend(problem, moves, found, turn, steps, config)
+            current = move(problem, moves, turn)
             done += 1
             progress(done / (count * config.rounds))
-        tree = eqx.tree_at(lambda t: t.cylinder, tree, current)
-    return tree
+        problem = problem._replace(cylinder=current)
+    refined = jax.tree.map(
+        lambda leaf: jnp.asarray(np.asarray(leaf)[: tree.count]), problem.cylinder
+    )
+    return eqx.tree_at(lambda t: t.cylinder, tree, refined)
+
+
+class Clusters(NamedTuple):
+    """Clusters as arrays."""
+
+    contour: ScalpContour
+    cylinder: GeneralizedCylinder
+
+
+def filled(tree: HairTree, room: int) -> Clusters:
+    """Return a tree's clusters, the last again and again up to `room` of them."""
+    spare = [(0, max(0, room - tree.count))]
+
+    def more(leaf):
+        rest = spare + [(0, 0)] * (leaf.ndim - 1)
+        # On the host: no program for each shape.
+        return jnp.asarray(np.pad(np.asarray(leaf), rest, mode="edge"))
+
+    return Clusters(*jax.tree.map(more, (tree.contour, tree.cylinder)))
 
 
 def ancestors(parent: tuple[int, ...], level: int) -> list[int]:
@@ -168,7 +211,8 @@ def ancestors(parent: tuple[int, ...], level: int) -> list[int]:
     return found
 
 
-def _still(cylinder: GeneralizedCylinder) -> Moves:
+def still(cylinder: GeneralizedCylinder) -> Moves:
+    """Return the moves that move nothing."""
     return Moves(
         jnp.zeros_like(cylinder.skeleton),
         jnp.zeros_like(cylinder.scale),
@@ -177,11 +221,13 @@ def _still(cylinder: GeneralizedCylinder) -> Moves:
     )
 
 
-def _strands(tree, cylinder, samples: Samples, points: int):
-    whole = jnp.ones(len(samples.owner), samples.uv.dtype)
-    return grow(
-        tree.scalp, tree.contour, cylinder, samples.uv, samples.owner, whole, points
-    )
+def strands_of(
+    problem: Problem, cylinder: GeneralizedCylinder, points: int
+) -> Float[Array, "strands points 3"]:
+    """Return the strands that are compared, grown from clusters as they are now."""
+    uv, owner = problem.samples
+    whole = jnp.ones(len(owner), uv.dtype)
+    return grow(problem.scalp, problem.contour, cylinder, uv, owner, whole, points)
 
 
 def moved(problem: Problem, moves: Moves, turn: Turn) -> GeneralizedCylinder:
@@ -189,7 +235,7 @@ def moved(problem: Problem, moves: Moves, turn: Turn) -> GeneralizedCylinder:
 
     The moves of other levels' clusters are not looked at.
     """
-    before = problem.tree.cylinder
+    before = problem.cylinder
     mine = problem.level == turn.level
 
     def add(values, change):
@@ -218,7 +264,8 @@ def moved(problem: Problem, moves: Moves, turn: Turn) -> GeneralizedCylinder:
     return eqx.tree_at(lambda c: c.skeleton, after, kept)
 
 
-_moved = eqx.filter_jit(moved)
+move = jax.jit(moved)
+"""`moved`, compiled."""
 
 
 def stretched(
@@ -253,28 +300,30 @@ def carry(
     return after.skeleton + jnp.einsum("ki,kij->kj", local, turned)
 
 
-@eqx.filter_jit
-def _descend(
+@functools.partial(jax.jit, static_argnames="config")
+def descend(
     problem: Problem,
     moves: Moves,
     given: Found,
     turn: Turn,
+    steps: Int[Array, ""],
     config: RefineConfig,
 ) -> Moves:
-    """Return the moves after some steps of Adam."""
-    tree = problem.tree
-    before = _strands(tree, tree.cylinder, problem.samples, config.points)
+    """Return the moves after so many steps of Adam."""
+    before = strands_of(problem, problem.cylinder, config.points)
+    # Clusters that only fill the arrays do not move, and do not count.
+    filled = problem.level.size / jnp.sum(problem.level >= 0, dtype=before.dtype)
 
     def loss(moves):
         cylinder = moved(problem, moves, turn)
-        strands = _strands(problem.tree, cylinder, problem.samples, config.points)
+        strands = strands_of(problem, cylinder, config.points)
         bend = jnp.diff(moves.skeleton, n=2, axis=1) / config.sigma_bend
         prior = jnp.mean((moves.skeleton / config.sigma_move) ** 2) + jnp.mean(bend**2)
         for change in (moves.scale, moves.twist, moves.shear):
             prior += jnp.mean((change / config.sigma_map) ** 2)
             prior += jnp.mean((jnp.diff(change, axis=1) / config.sigma_map) ** 2)
         stretch = stretched(before, strands) / config.sigma_stretch
-        prior += jnp.mean(stretch**2)
+        prior = filled * prior + jnp.mean(stretch**2)
         found = image_loss(strands, given.seen, problem.maps)
         found += bare_loss(strands, given.pulls, problem.maps)
         found += config.field * field_loss(strands, problem.volume)
@@ -289,15 +338,13 @@ def _descend(
         Moves("metres", "map", "map", "map"),  # pyright: ignore[reportArgumentType]
     )
 
-    def step(state, _):
+    def step(_, state):
         moves, memory = state
         gradient = jax.grad(loss)(moves)
         # Adam's bias correction takes a power of a float by an integer.
         with jax.numpy_dtype_promotion("standard"):
             updates, memory = optimizer.update(gradient, memory)
-        return (jax.tree.map(jnp.add, moves, updates), memory), None
+        return jax.tree.map(jnp.add, moves, updates), memory
 
-    (moves, _), _ = jax.lax.scan(
-        step, (moves, optimizer.init(moves)), None, length=config.steps
-    )
-    return moves
+    # How many is no part of the program: to compile it, take none.
+    return jax.lax.fori_loop(0, steps, step, (moves, optimizer.init(moves)))[0]

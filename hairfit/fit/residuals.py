@@ -114,9 +114,7 @@ def image_loss(
         )
         return carry + total, None
 
-    totals, _ = jax.lax.scan(
-        jax.checkpoint(one), jnp.zeros(4, strands.dtype), (maps, seen)
-    )
+    totals, _ = jax.lax.scan(one, jnp.zeros(4, strands.dtype), (maps, seen))
     return totals[0] / (totals[1] + 1e-3) + totals[2] / (totals[3] + 1.0)
 
 

@@ -205,9 +205,8 @@ def gather_levels(rooted: Rooted, leaves: int, config: TreeifyConfig) -> Levels:
     """Return so many leaves, at most, and the clusters above, gathered from below."""
     label = gather_strands(rooted, leaves, rounds=config.rounds, seed=config.seed)
     labels, maps, above = [label], [robust_maps(rooted, label)], []
-    held = len(maps[0].middle)
-    for level in range(config.levels - 1, 0, -1):
-        wanted = max(1, round(held ** (level / config.levels)))
+    sizes = level_sizes(len(maps[0].middle), config.levels)
+    for wanted in reversed(sizes[:-1]):
         above.insert(0, gather_upwards(maps[0], wanted, config.seed))
         labels.insert(0, above[0][labels[0]])
         maps.insert(0, robust_maps(rooted, labels[0]))
@@ -217,6 +216,11 @@ def gather_levels(rooted: Rooted, leaves: int, config: TreeifyConfig) -> Levels:
         parent += (one + start[level]).tolist()
     joined = Maps(*(np.concatenate(rows) for rows in zip(*maps, strict=True)))
     return Levels(tuple(parent), joined, np.stack(labels) + start[:-1, None])
+
+
+def level_sizes(leaves: int, levels: int) -> list[int]:
+    """Return how many clusters each level has at most, in even steps of their root."""
+    return [max(1, round(leaves ** (k / levels))) for k in range(1, levels + 1)]
 
 
 def fit_levels(scalp: Scalp, rooted: Rooted, levels: Levels, steps: int) -> FittedTree:

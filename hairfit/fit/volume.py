@@ -26,6 +26,7 @@ FARTHEST = 0.03  # metres beyond which an empty place draws nothing
 DEEP = 0.003  # metres within the hull from which on there should be hair
 PROBES, DRAWN = 20000, 4096  # places that are asked, and those used at most
 FINER = 4  # points for one, where strands fill space
+SHAPES = 64  # voxels along an edge of a grid: a multiple of so many
 
 
 class HairVolume(eqx.Module):
@@ -61,7 +62,23 @@ def hair_volume(hull: Hull, field: Field) -> HairVolume:
     """Return what the losses need of a hull and its field."""
     tensor = matrix_entries(field.direction.reshape(-1, 3))
     tensor = tensor.reshape(*hull.grid.shape, 6) * field.anisotropy[..., None]
-    return HairVolume(head_field(hull), jnp.asarray(tensor, jnp.float32))
+    return HairVolume(head_field(hull), jnp.asarray(roomy(tensor), jnp.float32))
+
+
+def roomy(values: Float[np.ndarray, "x y z *c"]) -> Float[np.ndarray, "_ _ _ *c"]:
+    """Return values on a grid that goes on as at its border, to a shape of `room_for`.
+
+    What is compiled for a shape then serves other hairstyles as well.
+    """
+    shape = values.shape[:3]
+    rest = [(0, room - n) for n, room in zip(shape, room_for(shape), strict=True)]
+    return np.pad(values, rest + [(0, 0)] * (values.ndim - 3), mode="edge")
+
+
+def room_for(shape: tuple[int, ...]) -> tuple[int, int, int]:
+    """Return a grid's shape, rounded up to few different ones."""
+    x, y, z = (-(-n // SHAPES) * SHAPES for n in shape)
+    return x, y, z
 
 
 def inner_places(hull: Hull) -> Float[np.ndarray, "places 3"]:
@@ -74,7 +91,7 @@ def head_field(hull: Hull) -> DistanceField:
     return DistanceField(
         jnp.asarray(hull.grid.origin, jnp.float32),
         jnp.asarray(hull.grid.spacing, jnp.float32),
-        jnp.asarray(hull.head, jnp.float32),
+        jnp.asarray(roomy(hull.head), jnp.float32),
     )
 
 

@@ -3,13 +3,10 @@
 import dataclasses
 import math
 
-import jax
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 
 from ..model.certainty import TreeConfidence
-from ..model.strand import sample_hair
-from ..model.tree import HairTree
 from ..render.scene import HairLook
 from ..render.studio import preview_scene
 from ..types import Mesh
@@ -17,7 +14,6 @@ from .drawing import draw_preview, orbit_cameras
 
 # Hair is right that lies so near to where it is said to run. Metres, radians.
 RIGHT_PLACE, RIGHT_WAY = 0.003, math.radians(30.0)
-STRANDS, POINTS = 6000, 32
 VIEWS = 4
 SIZE = (360, 450)
 # Linear RGB from a guess to what is sure, at even steps.
@@ -31,21 +27,26 @@ LEGEND = (
 
 
 def certainty_pictures(
-    tree: HairTree, head: Mesh | None
+    strands: Float[np.ndarray, "strands points 3"],
+    owner: Int[np.ndarray, " strands"],
+    confidence: TreeConfidence | None,
+    head: Mesh | None,
 ) -> list[UInt8[np.ndarray, "height width 3"]]:
     """Return pictures of the hair in the colours of `LEGEND`, from four sides.
 
-    None at all if the tree does not say how sure it is, or grows no hair.
+    None at all if it is not known how sure the fit is.
+
+    Args:
+        strands: The hair, in metres.
+        owner: The cluster of each strand.
+        confidence: How sure the fit is of the clusters.
+        head: What wears the hair.
     """
-    if tree.confidence is None:
+    if confidence is None:
         return []
-    hair = sample_hair(tree, STRANDS, POINTS, jax.random.key(0))
-    if not len(hair.owner):
-        return []
-    strands = np.asarray(hair.strands, np.float64)
     scene = preview_scene(strands, head)
     look = HairLook(width=scene.look.width, specular=(0.0, 0.0, 0.0), variation=0.1)
-    tint = certainty_colour(tree.confidence)[np.asarray(hair.owner)]
+    tint = certainty_colour(confidence)[owner]
     scene = dataclasses.replace(scene, look=look, tint=tint)
     return draw_preview(scene, orbit_cameras(strands, VIEWS, SIZE))
 

@@ -1,17 +1,22 @@
 """What a result looks like: its previews and its report."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
 
 from ..capture.capture import Capture
+from ..capture.orientation import OrientationMap
 from ..capture.photos import encode_picture
 from ..evaluate.photographs import PhotographErrors, compare_with_photograph
-from ..evaluate.visibility import even_strands, look
+from ..evaluate.visibility import Sight, even_strands
 from ..fit import FitResult
+from ..render.camera import Camera, resized
 from ..render.raster import rasterise
 from .certainty import certainty_pictures
 from .drawing import draw_hair, orbit_cameras
-from .html import ViewPage, report_html
+from .html import HEIGHTS, ViewPage, report_html
 from .pictures import (
     hair_window,
     orientation_picture,
@@ -30,31 +35,19 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     points = even_strands(fitted.strands)
     previews = folder / "preview"
     previews.mkdir()
-    pages, photographs = [], {}
-    views = fitted.views
-    for sight, found in zip(look(capture.head, views), fitted.maps, strict=True):
-        view = sight.view
-        raster = rasterise(points, view.camera, mesh_depth=sight.behind)
-        errors = compare_with_photograph(points, sight, found=found, drawn=raster)
-        photographs[view.name] = errors.to_dict()
-        window = hair_window(view.hair)
-        pages.append(
-            ViewPage(
-                view.name,
-                photo_picture(view)[window],
-                orientation_picture(found, view.hair)[window],
-                overlay_picture(view, raster)[window],
-                in_words(errors),
-            )
-        )
-    cameras = [view.camera for view in views]
+    sights = map(Sight, fitted.views, fitted.depths)
+    step = -(-len(points) // DRAWN)
+    some, owner = points[::step], fitted.owner[::step]
+    compared = map(lambda *one: page_of(points, *one), sights, fitted.maps)
+    pages, errors = zip(*compared, strict=True)
+    cameras = [small(view.camera) for view in fitted.views]
     turns = orbit_cameras(points, TURNS, TURNTABLE_SIZE)
-    some = points[:: -(-len(points) // DRAWN)]
     drawn = draw_hair(some, capture.head, [*cameras, *turns])
+    sure = certainty_pictures(some, owner, fitted.tree.confidence, capture.head)
+    photographs = {one.name: one.to_dict() for one in errors}
     frames = drawn[len(cameras) :]
     names = [page.name for page in pages]
     names += [f"turntable-{k:02}" for k in range(len(frames))]
-    sure = certainty_pictures(fitted.tree, capture.head)
     names += [f"certainty-{k:02}" for k in range(len(sure))]
     for name, picture in zip(names, [*drawn, *sure], strict=True):
         (previews / f"{name}.png").write_bytes(encode_picture(picture, ".png"))
@@ -63,6 +56,37 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     text = report_html(title, pages, fitted.figures, frames, warnings, sure)
     (folder / "report.html").write_text(text, encoding="utf-8")
     return photographs
+
+
+class Compared(NamedTuple):
+    """What a report shows of one photograph, and how strands fit it."""
+
+    page: ViewPage
+    errors: PhotographErrors
+
+
+def page_of(
+    points: Float[np.ndarray, "strands knots 3"], sight: Sight, found: OrientationMap
+) -> Compared:
+    """Return what a report shows of one photograph."""
+    view = sight.view
+    raster = rasterise(points, view.camera, mesh_depth=sight.behind)
+    errors = compare_with_photograph(points, sight, found=found, drawn=raster)
+    window = hair_window(view.hair)
+    page = ViewPage(
+        view.name,
+        photo_picture(view)[window],
+        orientation_picture(found, view.hair)[window],
+        overlay_picture(view, raster)[window],
+        in_words(errors),
+    )
+    return Compared(page, errors)
+
+
+def small(camera: Camera) -> Camera:
+    """Return a camera that takes pictures no higher than a report shows them."""
+    share = min(1.0, HEIGHTS[0] / camera.height)
+    return resized(camera, round(share * camera.width), round(share * camera.height))
 
 
 def in_words(errors: PhotographErrors) -> dict[str, str]:

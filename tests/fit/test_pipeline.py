@@ -126,7 +126,7 @@ class Interruption(Exception):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stage", ["carving the hull", "refining the tree"])
+@pytest.mark.parametrize("stage", ["carving by direction", "refining the tree"])
 def test_a_fit_that_is_taken_up_gives_the_same_bytes(fitted, capture, tmp_path, stage):
     result, said = fitted
 

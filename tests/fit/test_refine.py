@@ -116,7 +116,8 @@ def test_the_gradient_through_a_parent_is_right(tree):
 
 def problem_of(tree, samples, maps, volume):
     level = jnp.asarray(depths_of(tree.parent), jnp.int32)
-    return Problem(tree, level, samples, maps, volume)
+    parts = tree.scalp, tree.contour, tree.cylinder
+    return Problem(*parts, level, samples, maps, volume)
 
 
 def turn_of(tree, level):
@@ -256,3 +257,16 @@ def test_the_true_tree_stays_where_it_is(tree, scene):
     found = refine(single(tree), samples, seen, head, places, CONFIG)
     after = off_strand(strands_of(found, samples), truth)
     assert after.mean() < 0.001
+
+
+@pytest.mark.slow
+def test_clusters_that_only_fill_the_arrays_change_nothing(tree, scene):
+    taken, samples, maps, head = scene
+    places = strands_of(single(tree), samples).reshape(-1, 3)
+    given = samples, Photographs(taken.views, taken.depths, maps), head, places
+    config = RefineConfig(rounds=1, steps=4, points=POINTS)
+    plain = refine(single(tree), *given, config)
+    roomy = refine(single(tree), *given, config, room=11)
+    assert roomy.parent == plain.parent
+    for mine, other in zip(jax.tree.leaves(roomy), jax.tree.leaves(plain), strict=True):
+        assert np.allclose(mine, other, atol=2e-5)

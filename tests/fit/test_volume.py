@@ -11,6 +11,7 @@ from hairfit.fit.volume import (
     DRAWN,
     FARTHEST,
     GAP,
+    SHAPES,
     SIGMA_FIELD,
     SIGMA_GAP,
     SIGMA_INSIDE_HEAD,
@@ -21,6 +22,8 @@ from hairfit.fit.volume import (
     head_field,
     head_loss,
     inner_places,
+    room_for,
+    roomy,
 )
 
 
@@ -160,3 +163,13 @@ def test_the_heads_losss_gradient_is_right_and_points_inwards(skin):
     assert (gradient[0] == 0).all()
     outward = np.asarray(strand[0])
     assert (np.sum(gradient[-2:] * outward[-2:], axis=1) < 0).all()
+
+
+def test_a_roomy_grid_goes_on_as_at_its_border():
+    values = np.random.default_rng(0).normal(size=(5, SHAPES, SHAPES + 1, 2))
+    found = roomy(values)
+    assert found.shape == (SHAPES, SHAPES, 2 * SHAPES, 2)
+    assert np.array_equal(found[:5, :, : SHAPES + 1], values)
+    assert (found[4:, :, :] == found[4:5, :, :]).all()
+    assert (found[:, :, SHAPES:] == found[:, :, SHAPES : SHAPES + 1]).all()
+    assert room_for((5, SHAPES, SHAPES + 1)) == found.shape[:3]

@@ -1,10 +1,10 @@
-import dataclasses
-
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from hairfit.model import TreeConfidence
+from hairfit.model.strand import sample_hair
 from hairfit.report.certainty import certainty_colour, certainty_pictures
 from hairfit.synthetic import make_head, make_scalp, make_style
 
@@ -33,7 +33,9 @@ def test_pictures_show_each_cluster_in_its_colour(tree):
     # Hair on the person's left is sure, that on the right a guess.
     left = tree.cylinder.skeleton[:, 0, 0] > 0
     known = said(tree, jnp.where(left, 1e-4, 1.0))
-    pictures = certainty_pictures(dataclasses.replace(tree, confidence=known), None)
+    hair = sample_hair(tree, 6000, 32, jax.random.key(0))
+    strands, owner = np.asarray(hair.strands, np.float64), np.asarray(hair.owner)
+    pictures = certainty_pictures(strands, owner, known, None)
     assert len(pictures) == 4
     blue, red = [], []
     for picture in pictures:
@@ -50,4 +52,5 @@ def test_pictures_show_each_cluster_in_its_colour(tree):
 
 
 def test_a_tree_that_does_not_say_is_not_shown(tree):
-    assert certainty_pictures(tree, None) == []
+    strands, owner = np.zeros((1, 2, 3)), np.zeros(1, int)
+    assert certainty_pictures(strands, owner, tree.confidence, None) == []

@@ -1,0 +1,131 @@
+"""Programs that are compiled on the other core while photographs are looked at.
+
+Nothing here changes what a fit finds: it only calls what will be called later, with
+arrays of the same shapes, so that it need not be compiled when its turn comes.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+from numpy.typing import DTypeLike
+
+from ..model.collide import DistanceField
+from ..model.contour import ANGLES
+from ..model.cylinder import GeneralizedCylinder
+from ..model.scalp import SIDE, Scalp, normals_on, points_on, sample_roots
+from ..model.tree import ScalpContour
+from .refine import (
+    Found,
+    Problem,
+    RefineConfig,
+    Samples,
+    Turn,
+    descend,
+    move,
+    still,
+    strands_of,
+)
+from .residuals import PULLS, SHRINK, PhotoMaps, Pulls
+from .volume import DRAWN, Gaps, HairVolume, room_for
+
+
+class Shapes(NamedTuple):
+    """How large the arrays of a refinement are.
+
+    Attributes:
+        views: Number of photographs.
+        size: Height and width of the largest one, in pixels.
+        grid: Voxels along x, y and z.
+        clusters: Clusters that the arrays hold.
+        knots: Knots of a skeleton.
+    """
+
+    views: int
+    size: tuple[int, int]
+    grid: tuple[int, int, int]
+    clusters: int
+    knots: int
+
+
+@contextmanager
+def compiling_ahead() -> Iterator[Callable[..., None]]:
+    """Give a function that calls others beside what the context does, in their order.
+
+    The context ends when they are done as well.
+    """
+    with ThreadPoolExecutor(1) as beside:
+        calls: list[Future[None]] = []
+        yield lambda *call: calls.append(beside.submit(*call))
+        for call in calls:
+            call.result()
+
+
+def compile_growth(guides: int, others: Sequence[int]) -> None:
+    """Sample roots of so many guides, and others, on no scalp."""
+    scalp = Scalp(jnp.asarray(np.zeros((SIDE, SIDE, 3))))
+    key = jax.random.key(0)
+    uv = sample_roots(scalp, guides, key)
+    points_on(scalp, uv)
+    normals_on(scalp, uv)
+    for count in others:
+        sample_roots(scalp, count, key)
+
+
+def compile_refinement(shapes: Shapes, config: RefineConfig) -> None:
+    """Refine nothing, in no steps."""
+    problem = empty_problem(shapes, config)
+    turn = Turn(zeros(dtype=np.int32), zeros(shapes.clusters, dtype=np.int32))
+    moves = still(problem.cylinder)
+    move(problem, moves, turn)
+    strands_of(problem, problem.cylinder, config.points)
+    segments = (shapes.views, config.strands, config.points - 1)
+    pulls, index = (shapes.views, PULLS), np.int32
+    strand, empty = zeros(*pulls, dtype=index), zeros(DRAWN, dtype=index)
+    found = Found(
+        zeros(*segments, dtype=bool),
+        Pulls(strand, strand, zeros(*pulls, 2), zeros(*pulls)),
+        Gaps(empty, empty, zeros(DRAWN, 3), zeros(DRAWN)),
+    )
+    descend(problem, moves, found, turn, zeros(dtype=index), config)
+
+
+def zeros(*shape: int, dtype: DTypeLike = np.float32) -> Array:
+    """Return zeros that nothing had to be compiled for."""
+    return jnp.asarray(np.zeros(shape, dtype))
+
+
+def empty_problem(shapes: Shapes, config: RefineConfig) -> Problem:
+    """Return a refinement's arrays without anything in them."""
+    count, knots, views = shapes.clusters, shapes.knots, shapes.views
+    height, width = (edge // SHRINK for edge in shapes.size)
+    grid = room_for(shapes.grid)
+    return Problem(
+        Scalp(zeros(SIDE, SIDE, 3)),
+        jax.vmap(ScalpContour)(zeros(count, 2), zeros(count), zeros(count, ANGLES)),
+        jax.vmap(GeneralizedCylinder)(
+            zeros(count, knots, 3),
+            zeros(count, 3),
+            zeros(count, knots),
+            zeros(count, knots, ANGLES),
+            zeros(count, knots, 2),
+            zeros(count, knots),
+            zeros(count, knots),
+        ),
+        zeros(count, dtype=np.int32),
+        Samples(zeros(config.strands, 2), zeros(config.strands, dtype=np.int32)),
+        PhotoMaps(
+            zeros(views, height, width, 2),
+            zeros(views, height, width),
+            zeros(views, height, width),
+            zeros(views, 3, 3),
+            zeros(views, 4, 4),
+            zeros(views),
+        ),
+        HairVolume(DistanceField(zeros(3), zeros(), zeros(*grid)), zeros(*grid, 6)),
+    )
