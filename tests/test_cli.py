@@ -84,6 +84,7 @@ class FakeFit:
             tree=one_cluster(),
             strands=hair(),
             owner=np.zeros(hair().count, int),
+            looks=None,
             figures={"loss": 0.125},
             maps=[found for _ in capture.views],
             views=tuple(capture.views),

@@ -8,25 +8,29 @@ from typing import Any, Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
 from ..capture.capture import Capture, View
 from ..capture.orientation import OrientationMap, estimate_orientation
 from ..capture.scalp_wrap import SeenHead, wrap_scalp
 from ..errors import InputError
 from ..evaluate.shape import strand_lengths
+from ..evaluate.visibility import Sight, even_strands
 from ..io.tree import load_tree, round_tree, save_tree
+from ..model.maps import even_maps
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp, normals_on, points_on, sample_roots
 from ..model.tree import HairTree, leaves, levels
 from ..render.raster import mesh_depth
 from ..types import Mesh, Strands
 from .ahead import Shapes, compile_growth, compile_refinement, compiling_ahead
+from .appearance import Appearance, find_appearance
 from .checkpoint import Checkpoint
 from .confidence import ConfidenceConfig, with_confidence
 from .consistency import carve_by_direction
 from .corners import carve_corners
-from .derive import derive_hair, with_spare
+from .density import TEXELS
+from .derive import Derived, derive_hair, with_spare
 from .evidence import Field, diffuse, gather
 from .flow import hair_flow
 from .gather import Rooted
@@ -98,6 +102,7 @@ PRESETS = {
     ),
 }
 STRAND_POINTS = 40
+LIT = 6000  # strands whose light is compared with photographs
 
 
 class FitResult(NamedTuple):
@@ -107,6 +112,7 @@ class FitResult(NamedTuple):
         tree: The hairstyle.
         strands: Strands of the tree, outside the head.
         owner: The leaf cluster of each strand.
+        looks: Colour of the hair and light on it, None where it is not seen.
         figures: What `report.json` says of the fit.
         maps: The orientation map of every photograph.
         views: The photographs as they were used: mended, where they had to be.
@@ -117,6 +123,7 @@ class FitResult(NamedTuple):
     tree: HairTree
     strands: Strands
     owner: Int[np.ndarray, " strands"]
+    looks: Appearance | None
     figures: dict[str, Any]
     maps: list[OrientationMap]
     views: tuple[View, ...]
@@ -178,6 +185,11 @@ def fit_capture(
     tree = round_tree(tree)
     progress("drawing strands", 0.96)
     hair = derive_hair(tree, head, config.strands, STRAND_POINTS, config.seed)
+    progress("finding colour and light", 0.98)
+    looks = _looks(hair, first.shots, head, config.seed)
+    if looks is not None:
+        maps = even_maps(TEXELS, TEXELS, colour=looks.colour)
+        tree = round_tree(dataclasses.replace(tree, maps=jax.tree.map(single, maps)))
     parent = np.asarray(tree.parent)
     figures = {
         "voxels": int(hull.hair.sum()),
@@ -192,6 +204,7 @@ def fit_capture(
     return FitResult(
         tree,
         *hair,
+        looks,
         figures,
         first.all_maps,
         first.shots.trusted.views,
@@ -407,6 +420,27 @@ def _tree(
         save_tree(store.path("tree.hairtree"), tree, exact=True)
         store.save("cylinders", {"error": np.array(fitted.error)})
     return tree, fitted.error
+
+
+def _looks(hair: Derived, shots: Shots, head: Mesh, seed: int) -> Appearance | None:
+    """Return looks of hair and the light on it, with the exposure of every photograph.
+
+    Photographs that are not used are taken to be exposed as the others.
+    """
+    points = even_strands(hair.strands).astype(np.float64)
+    some = points[:: -(-len(points) // LIT)]
+    sights = [Sight(*one) for one in zip(shots.views, shots.depths, strict=True)]
+    found = find_appearance(some, sights, head, seed)
+    if found is None:
+        return None
+    exposure = np.ones(len(shots.trusted.views))
+    exposure[_used(shots.trusted)] = found.exposure
+    return found._replace(exposure=exposure)
+
+
+def single(values: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Return an array in single precision, as trees of fits are."""
+    return values.astype(jnp.float32)
 
 
 def _samples(tree: HairTree, preset: Preset, config: FitConfig) -> Samples:

@@ -9,9 +9,11 @@ import numpy as np
 from ..capture.capture import Capture
 from ..capture.scalp_file import save_scalp
 from ..fit import FitConfig, FitResult, fit_capture
+from ..fit.appearance import Appearance
 from ..fit.suspects import Doubt
 from ..io.strands import save_strands
 from ..io.tree import save_tree
+from .pictures import hexadecimal
 from .progress import say, shown_progress
 from .result import (
     FORMAT,
@@ -87,11 +89,29 @@ def write_result(
         "strands": fitted.strands.count,
         "points": int(strand_counts.sum()),
         "suspects": [in_report(doubt) for doubt in fitted.doubts],
+        "looks": None if fitted.looks is None else looks_in_report(fitted.looks),
         "figures": fitted.figures,
         "photographs": photographs,
     }
     write_report(folder, report)
     return report
+
+
+def looks_in_report(looks: Appearance) -> dict[str, Any]:
+    """Return what `report.json` says of the hair's looks and the light on it."""
+    return {
+        "colour": hexadecimal(np.array(looks.colour)),
+        "linear_rgb": looks.colour,
+        "specular": looks.specular,
+        "shininess": looks.shininess,
+        "lights": [
+            {"towards": way, "strength": strength}
+            for way, strength in zip(looks.to_light, looks.strength, strict=True)
+        ],
+        "sky": looks.sky,
+        "exposure": looks.exposure,
+        "relative_error": looks.error,
+    }
 
 
 def in_report(doubt: Doubt) -> dict[str, Any]:

@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import InputError
 from ..fit import derive_strands
 from ..io.strands import load_strands
 from ..io.tree import load_tree
 from ..model.tree import HairTree
 from ..types import Strands
+from .pictures import hexadecimal
 from .result import is_result
 
 
@@ -40,6 +43,16 @@ def read_strands(path: Path, *, count: int = 10_000, points: int = 32) -> Strand
     if path.suffix == ".hairtree":
         return derive_strands(load_tree(path), None, count, points, 0)
     return load_strands(path)
+
+
+def own_colour(path: Path) -> str | None:
+    """Return the mean colour that is painted on a hairstyle, as `#7a4a2b`, or None."""
+    if not is_result(path) and path.suffix != ".hairtree":
+        return None
+    maps = read_tree(path).maps
+    if maps is None:
+        return None
+    return hexadecimal(np.asarray(maps.colour, np.float64).mean(axis=(0, 1)))
 
 
 def must_exist(path: Path) -> None:

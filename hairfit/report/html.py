@@ -26,7 +26,7 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: .15rem 1.2rem .15rem 0;
   border-bottom: 1px solid var(--line); }
 td { text-align: right; }
-section.view { display: grid; grid-template-columns: repeat(3, 1fr); gap: .8rem;
+section.view { display: grid; grid-template-columns: repeat(4, 1fr); gap: .8rem;
   margin-top: 1.5rem; }
 section.view h3 { grid-column: 1 / -1; margin: 0; font-size: 1rem; }
 section.view h3 span { font-weight: normal; color: var(--soft); margin-left: 1rem; }
@@ -53,6 +53,7 @@ class ViewPage:
         photo: The photograph.
         orientation: Its orientation map.
         overlay: The recovered strands over it.
+        again: The photograph drawn again from what was recovered.
         figures: Numbers by what they are, with units, as text.
     """
 
@@ -61,6 +62,17 @@ class ViewPage:
     orientation: UInt8[np.ndarray, "height width 3"]
     overlay: UInt8[np.ndarray, "height width 3"]
     figures: dict[str, str]
+    again: UInt8[np.ndarray, "_height _width 3"] | None = None
+
+    @property
+    def pictures(self) -> dict[str, UInt8[np.ndarray, "_height _width 3"]]:
+        """All of its pictures by what they are."""
+        found = {
+            "photograph": self.photo,
+            "orientation": self.orientation,
+            "recovered strands": self.overlay,
+        }
+        return found if self.again is None else {**found, "drawn again": self.again}
 
 
 def report_html(
@@ -92,7 +104,8 @@ def report_html(
         "<h2>Photographs</h2>",
         "<p class='soft'>Left the photograph, then what it says about the direction of "
         "the hair (hue is angle, bright is certain), then the recovered strands "
-        "over it in the same colours.</p>",
+        "over it in the same colours, and the photograph drawn again from hair, colour "
+        "and light as they were recovered.</p>",
         *(
             view_html(page, pictures)
             for page, pictures in zip(pages, encoded.views, strict=True)
@@ -109,7 +122,7 @@ def report_html(
 
 @dataclasses.dataclass(frozen=True)
 class Encoded:
-    """All pictures of a report as `data:` links: three a view, and those of all."""
+    """All pictures of a report as `data:` links: some a view, and those of all."""
 
     views: list[list[str]]
     turntable: list[str]
@@ -122,9 +135,7 @@ def encode_all(
     certainty: Sequence[UInt8[np.ndarray, "height width 3"]],
 ) -> Encoded:
     """Return the pictures as large as fits into the report's size."""
-    pictures = [
-        p for page in pages for p in (page.photo, page.orientation, page.overlay)
-    ]
+    pictures = [p for page in pages for p in page.pictures.values()]
     files: list[bytes] = []
     for height in HEIGHTS:
         files = [
@@ -136,8 +147,11 @@ def encode_all(
     links = [
         "data:image/jpeg;base64," + base64.b64encode(file).decode() for file in files
     ]
-    views = [links[3 * k : 3 * k + 3] for k in range(len(pages))]
-    rest = links[3 * len(pages) :]
+    rest, views = links, []
+    for page in pages:
+        count = len(page.pictures)
+        views.append(rest[:count])
+        rest = rest[count:]
     return Encoded(views, rest[: len(turntable)], rest[len(turntable) :])
 
 
@@ -145,11 +159,10 @@ def view_html(page: ViewPage, pictures: Sequence[str]) -> str:
     """Return the part on one photograph."""
     figures = ", ".join(f"{key} {value}" for key, value in page.figures.items())
     name = html.escape(page.name)
-    captions = ("photograph", "orientation", "recovered strands")
     shown = "".join(
         f"<figure><img src='{link}' alt='{caption} {name}'>"
         f"<figcaption>{caption}</figcaption></figure>"
-        for link, caption in zip(pictures, captions, strict=True)
+        for caption, link in zip(page.pictures, pictures, strict=True)
     )
     heading = f"<h3>{name}<span>{html.escape(figures)}</span></h3>"
     return f"<section class='view'>{heading}{shown}</section>"

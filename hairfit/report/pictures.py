@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
-from ..capture.photos import srgb_from_linear
+from ..capture.photos import linear_from_srgb, srgb_from_linear
 from ..render.raster import Raster
 
 # How much of the photograph's colour stays under the strands.
@@ -13,6 +13,20 @@ UNDERLAY = 0.6
 
 # How much is shown around the hair, as a share of its size.
 MARGIN = 0.2
+
+
+def hexadecimal(colour: Float[np.ndarray, " 3"]) -> str:
+    """Return a linear RGB colour as screens have it: `#7a4a2b`."""
+    pixel = to_bytes(srgb_from_linear(colour[None, None]))
+    return "#" + pixel.tobytes().hex()
+
+
+def exposed(
+    picture: UInt8[np.ndarray, "height width 3"], gain: float
+) -> UInt8[np.ndarray, "height width 3"]:
+    """Return a picture with so much more light."""
+    linear = linear_from_srgb(picture.astype(np.float64) / 255.0)
+    return to_bytes(srgb_from_linear(np.minimum(gain * linear, 1.0)))
 
 
 def photo_picture(view: View) -> UInt8[np.ndarray, "height width 3"]:

@@ -34,7 +34,8 @@ class HairOptions:
     strands: int = 10_000
     """How many strands to grow, if the hair is a tree."""
     colour: str | None = None
-    """black, brown, blonde, red, grey or white, or sRGB as rrggbb in hexadecimal."""
+    """black, brown, blonde, red, grey or white, or sRGB as rrggbb in hexadecimal; by
+    default as fitted or painted, else brown."""
     melanin: tuple[float, float] | None = None
     """Eumelanin and pheomelanin instead: 1.3 0.2 is brown, 0.5 1.2 red."""
     shading: Shading = "kajiya-kay"

@@ -1,23 +1,30 @@
 """What a result looks like: its previews and its report."""
 
+import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
-from ..capture.capture import Capture
+from ..capture.capture import Capture, View
 from ..capture.orientation import OrientationMap
 from ..capture.photos import encode_picture
 from ..evaluate.photographs import PhotographErrors, compare_with_photograph
 from ..evaluate.visibility import Sight, even_strands
 from ..fit import FitResult
+from ..fit.appearance import Appearance
 from ..render.camera import Camera, resized
 from ..render.raster import rasterise
+from ..render.scene import Background, Scene
+from ..render.studio import preview_scene
 from .certainty import certainty_pictures
-from .drawing import draw_hair, orbit_cameras
+from .drawing import draw_opaque, draw_preview, orbit_cameras
+from .engines import Shot
 from .html import HEIGHTS, ViewPage, report_html
 from .pictures import (
+    exposed,
     hair_window,
     orientation_picture,
     overlay_picture,
@@ -27,6 +34,7 @@ from .pictures import (
 # So many strands are drawn, wider if there are more: small pictures look the same.
 DRAWN = 6000
 TURNS = 16
+PAPER = 0.25  # linear brightness of what is behind photographs drawn again
 TURNTABLE_SIZE = (360, 450)
 
 
@@ -42,20 +50,54 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     pages, errors = zip(*compared, strict=True)
     cameras = [small(view.camera) for view in fitted.views]
     turns = orbit_cameras(points, TURNS, TURNTABLE_SIZE)
-    drawn = draw_hair(some, capture.head, [*cameras, *turns])
+    scene = preview_scene(some, capture.head)
+    if fitted.looks is None:
+        again = draw_preview(scene, cameras)
+    else:
+        look = dataclasses.replace(fitted.looks.look, width=scene.look.width)
+        scene = dataclasses.replace(scene, look=look)
+        again = draw_again(scene, fitted.looks, cameras)
+    frames = draw_preview(scene, turns)
+    pages = [
+        dataclasses.replace(page, again=picture[window_of(view, picture)])
+        for page, picture, view in zip(pages, again, fitted.views, strict=True)
+    ]
     sure = certainty_pictures(some, owner, fitted.tree.confidence, capture.head)
     photographs = {one.name: one.to_dict() for one in errors}
-    frames = drawn[len(cameras) :]
     names = [page.name for page in pages]
     names += [f"turntable-{k:02}" for k in range(len(frames))]
     names += [f"certainty-{k:02}" for k in range(len(sure))]
-    for name, picture in zip(names, [*drawn, *sure], strict=True):
+    for name, picture in zip(names, [*again, *frames, *sure], strict=True):
         (previews / f"{name}.png").write_bytes(encode_picture(picture, ".png"))
     title = f"{capture.folder.resolve().name}, recovered from {len(pages)} photographs"
     warnings = [doubt.sentence for doubt in fitted.doubts]
     text = report_html(title, pages, fitted.figures, frames, warnings, sure)
     (folder / "report.html").write_text(text, encoding="utf-8")
     return photographs
+
+
+def draw_again(
+    scene: Scene, looks: Appearance, cameras: Sequence[Camera]
+) -> list[UInt8[np.ndarray, "height width 3"]]:
+    """Return the photographs drawn again: in their light, as bright as each was."""
+    lit = dataclasses.replace(scene, lights=looks.lights, sky=(looks.sky,) * 3)
+    gains = [float(gain) for gain in looks.exposure]
+    paper = [Background((PAPER / gain, PAPER / gain, PAPER / gain)) for gain in gains]
+    shots = [Shot("again", *one) for one in zip(cameras, paper, strict=True)]
+    pictures = draw_opaque(lit, shots, None)
+    return [exposed(*one) for one in zip(pictures, gains, strict=True)]
+
+
+def window_of(
+    view: View, picture: UInt8[np.ndarray, "height width 3"]
+) -> tuple[slice, slice]:
+    """Return the part of a smaller picture that a report shows of a photograph."""
+    share = picture.shape[0] / view.camera.height
+    rows, columns = (
+        slice(round(share * part.start), round(share * part.stop))
+        for part in hair_window(view.hair)
+    )
+    return rows, columns
 
 
 class Compared(NamedTuple):

@@ -1,3 +1,5 @@
+import dataclasses
+
 import jax
 import numpy as np
 import pytest
@@ -6,7 +8,8 @@ from hairfit.capture import Capture, load_capture
 from hairfit.capture.distance import signed_distance
 from hairfit.errors import InputError
 from hairfit.fit import FitConfig, fit_capture
-from hairfit.fit.pipeline import PRESETS, Preset
+from hairfit.fit.derive import derive_strands
+from hairfit.fit.pipeline import PRESETS, STRAND_POINTS, Preset
 from hairfit.fit.refine import RefineConfig
 from hairfit.model.tree import leaves, levels
 from hairfit.render import mesh_depth, rasterise
@@ -91,6 +94,28 @@ def test_the_tree_says_how_sure_its_clusters_are(fitted):
     assert 0.0 <= photographed.min() < 0.1 < photographed.max() < 1.0
     assert 1e-4 < known.sigma_position.min() <= known.sigma_position.max() < 0.03
     assert 0.01 < known.sigma_angle.min() <= known.sigma_angle.max() < 1.5
+
+
+@pytest.mark.slow
+def test_the_tree_has_the_colour_of_the_photographs(fitted, capture):
+    result, _ = fitted
+    looks, maps = result.looks, result.tree.maps
+    assert looks is not None and maps is not None
+    assert np.allclose(maps.colour, np.array(looks.colour), atol=2.0**-12)
+    assert looks.exposure.shape == (len(capture.views),)
+    shown = np.mean([view.image[view.hair].mean(axis=0) for view in capture.views], 0)
+    colour = np.array(looks.colour)
+    assert np.allclose(colour / colour.sum(), shown / shown.sum(), atol=0.06)
+
+
+@pytest.mark.slow
+def test_painted_colour_changes_no_strand(fitted, capture):
+    result, _ = fitted
+    bare = dataclasses.replace(result.tree, maps=None)
+    count = CONFIG.strands, STRAND_POINTS, CONFIG.seed
+    for tree in (result.tree, bare):
+        grown = derive_strands(tree, capture.head, *count)
+        assert np.array_equal(grown.points, result.strands.points)
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """Each option of `hairfit render` does what it says, as pixels show."""
 
+import dataclasses
 import json
 import stat
 
@@ -11,8 +12,11 @@ from tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 
 from hairfit.cli import main
 from hairfit.io.strands import save_strands
+from hairfit.io.tree import save_tree
+from hairfit.model.maps import even_maps
 from hairfit.render.gl import NoContextError
 from hairfit.render.gl.context import COMPUTE, open_context
+from hairfit.synthetic import make_head, make_scalp, make_style
 from hairfit.types import Strands
 
 SIZE = ("--size", 64, 80)
@@ -84,6 +88,21 @@ def test_hair_has_its_colour(opengl, hair, tmp_path, shading):
     red = drawn(tmp_path / "red.png", hair, *words, "red")[30:50, 24:40]
     assert blue[..., 2].mean() > 1.3 * blue[..., 0].mean()
     assert red[..., 0].mean() > 1.3 * red[..., 2].mean()
+
+
+def test_a_tree_is_drawn_in_the_colour_painted_on_it(opengl, tmp_path):
+    blue = even_maps(4, 4, colour=(0.03, 0.06, 0.4))
+    tree = make_style("straight", 0, make_scalp(make_head()))
+    save_tree(tmp_path / "blue.hairtree", dataclasses.replace(tree, maps=blue))
+    words = (tmp_path / "blue.hairtree", *SIZE, "--transparent")
+    own, red = (
+        drawn(tmp_path / "a.png", *words),
+        drawn(tmp_path / "b.png", *words, "--colour", "red"),
+    )
+    dense = own[..., 3] > 250
+    assert dense.sum() > 100
+    assert own[dense, 2].mean() > 1.5 * own[dense, 0].mean()
+    assert red[dense, 0].mean() > 1.5 * red[dense, 2].mean()
 
 
 def test_pigment_makes_hair_dark(opengl, hair, tmp_path):

@@ -1,0 +1,315 @@
+r"""What hair looks like and what light shone on it, from the photographs.
+
+Inverse lighting [Marschner and Greenberg 1997]: how bright each pixel of hair would be
+in light from each of many directions, shadowed by hair and head, is known once the hair
+is; what shone from where, and the colour of the hair, follow by least squares.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+from scipy import ndimage, optimize
+
+from ..capture.capture import View
+from ..evaluate.visibility import Sight
+from ..render.lights import DistantLight
+from ..render.lit import light_at, number
+from ..render.raster import rasterise
+from ..render.scene import Colour, HairLook, Scene
+from ..render.shading import Fibre, kajiya_kay
+from ..render.shadow_style import ShadowStyle
+from ..render.studio import shown_width, sky_lights
+from ..types import Mesh
+
+PIXELS = 500  # of each photograph
+CASTING = 3000  # strands that cast shadows
+SHADOWS = ShadowStyle(size=128, slices=24)
+SMOOTH = 2.0  # pixels: single hairs of the photograph are not those of the fit
+CLIPPED = 0.95  # linear: what is brighter may be any brighter
+LIGHTS = 18  # directions from which light may come
+SHININESS = (3.0, 8.0, 20.0, 50.0)
+ROUNDS = 12
+DARK = 0.3  # of the mean brightness, added where errors are made relative
+OUTLIER = 1.5  # medians of the error beyond which a pixel counts less
+BRIGHT = 99.0  # per cent of a photograph that is no brighter than white
+WHITE = 0.9  # what white paper sends back
+LEAST_SHARE = 0.03  # of all light; weaker lights become sky
+BRIGHTEST_EXPOSURE = 4.0  # photographs are exposed within so many times the mean
+FEWEST = 50  # pixels of hair without which nothing is known of its looks
+
+
+class Appearance(NamedTuple):
+    """Looks of hair, and light. Linear RGB.
+
+    Only products of colour, light and exposure are seen. Light is taken to be white,
+    exposures to be 1 in the mean, and the brightest parts of the photographs to be of
+    a nearly white matt surface that faces most of the light.
+
+    Attributes:
+        colour: Colour of the hair.
+        specular: Colour of its highlight, $K_s$.
+        shininess: Exponent of its highlight, $p$.
+        to_light: Unit vectors towards the lights there are.
+        strength: What a white matt surface that faces each sends back.
+        sky: Light from all sides.
+        exposure: How much brighter than the mean each photograph is.
+        error: Root mean square error of brightness, relative.
+    """
+
+    colour: Colour
+    specular: Colour
+    shininess: float
+    to_light: Float[np.ndarray, "lights 3"]
+    strength: Float[np.ndarray, " lights"]
+    sky: float
+    exposure: Float[np.ndarray, " views"]
+    error: float
+
+    @property
+    def look(self) -> HairLook:
+        """The hair as pictures draw it, of a width for 10 000 strands."""
+        return HairLook(
+            colour=self.colour,
+            ambient=1.0,
+            diffuse=1.0,
+            specular=self.specular,
+            coloured=0.0,
+            shininess=self.shininess,
+        )
+
+    @property
+    def lights(self) -> tuple[DistantLight, ...]:
+        """The lights as pictures take them."""
+        return tuple(
+            DistantLight(jnp.asarray(way), jnp.full(3, power))
+            for way, power in zip(self.to_light, self.strength, strict=True)
+        )
+
+
+class Lit(NamedTuple):
+    """Pixels of hair in all photographs, and what light from each direction would do.
+
+    Attributes:
+        seen: What the photographs show, linear RGB.
+        view: The photograph of each pixel.
+        diffuse: Brightness of white hair in each light, shadowed.
+        mirror: The cosine of which a power is the highlight; 0 where it is negative.
+        share: How much of each light arrives.
+    """
+
+    seen: Float[np.ndarray, "pixels 3"]
+    view: Int[np.ndarray, " pixels"]
+    diffuse: Float[np.ndarray, "pixels lights"]
+    mirror: Float[np.ndarray, "pixels lights"]
+    share: Float[np.ndarray, "pixels lights"]
+
+
+def find_appearance(
+    strands: Float[np.ndarray, "strands knots 3"],
+    sights: Sequence[Sight],
+    head: Mesh | None,
+    seed: int = 0,
+) -> Appearance | None:
+    """Return looks and light that explain the photographs, None if they show no hair.
+
+    Args:
+        strands: The hair, in metres.
+        sights: The photographs, and the depth of the head in them.
+        head: The head, which casts shadows as well.
+        seed: Of the choice of pixels.
+    """
+    around = sky_lights((1.0, 1.0, 1.0), LIGHTS)
+    ways = unit(np.stack([np.asarray(one.to_light, np.float64) for one in around]))
+    lit = light_pixels(strands, sights, head, ways, seed)
+    if lit is None:
+        return None
+    found = [solve(lit, len(sights), shininess) for shininess in SHININESS]
+    best = min(found, key=lambda one: one.error)
+    bright = [np.percentile(sight.view.image.max(axis=-1), BRIGHT) for sight in sights]
+    white = max(float(np.median(bright)), 1e-3) / WHITE
+    return tidied(best._replace(to_light=ways), white)
+
+
+def light_pixels(
+    strands: Float[np.ndarray, "strands knots 3"],
+    sights: Sequence[Sight],
+    head: Mesh | None,
+    ways: Float[np.ndarray, "lights 3"],
+    seed: int,
+) -> Lit | None:
+    """Return some pixels of hair of each photograph, in light from given directions."""
+    rng = np.random.default_rng(seed)
+    places, tangents, eyes, seen, view = [], [], [], [], []
+    for k, (photo, behind) in enumerate(sights):
+        drawn = rasterise(strands, photo.camera, mesh_depth=behind, radius_px=1.0)
+        smooth = smoothed(photo)
+        free = drawn.coverage & photo.hair & (smooth.max(axis=-1) < CLIPPED)
+        y, x = np.nonzero(free)
+        some = rng.choice(len(y), min(PIXELS, len(y)), replace=False)
+        strand, segment = (
+            drawn.strand[y[some], x[some]],
+            drawn.segment[y[some], x[some]],
+        )
+        start, end = strands[strand, segment], strands[strand, segment + 1]
+        places.append(0.5 * (start + end))
+        tangents.append(end - start)
+        eyes.append(np.asarray(photo.camera.centre, np.float64) - places[-1])
+        seen.append(smooth[y[some], x[some]])
+        view.append(np.full(len(some), k))
+    at = np.concatenate(places)
+    if len(at) < FEWEST:
+        return None
+    few = strands[:: -(-len(strands) // CASTING)]
+    look = HairLook(width=shown_width(few))
+    scene = Scene(few, look=look, head=head, shadows=SHADOWS)
+    lights = tuple(DistantLight(jnp.asarray(way), jnp.ones(3)) for way in ways)
+    share = np.asarray(light_at(at, scene, lights).radiance)[..., 0].T
+    given = unit(np.concatenate(tangents)), ways, unit(np.concatenate(eyes))
+    sent = _sent(*(jnp.asarray(part, number()) for part in given))
+    diffuse, mirror = (np.asarray(part, np.float64) for part in sent)
+    return Lit(
+        np.concatenate(seen), np.concatenate(view), share * diffuse, mirror, share
+    )
+
+
+@jax.jit
+def _sent(tangents, ways, eyes):
+    """Return both terms of `kajiya_kay` of all pixels in all lights."""
+    one, none = jnp.ones(3, number()), jnp.zeros(3, number())
+
+    def term(fibre):
+        def of(tangent, way, eye):
+            return kajiya_kay(tangent, way, eye, fibre)[0]
+
+        lights = jax.vmap(of, (None, 0, None))
+        return jax.vmap(lights, (0, None, 0))(tangents, ways, eyes)
+
+    plain = jnp.ones(())
+    diffuse = term(Fibre(none, one, none, plain))
+    return diffuse, term(Fibre(none, none, one, plain))
+
+
+def unit(v: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """Return vectors of length 1; 0 for 0."""
+    return v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12)
+
+
+def smoothed(view: View) -> Float[np.ndarray, "height width 3"]:
+    """Return the hair of a photograph without its finest texture, linear RGB."""
+    mask = view.hair.astype(np.float64)
+    around = ndimage.gaussian_filter(mask, SMOOTH)
+    light = ndimage.gaussian_filter(view.image * mask[..., None], (SMOOTH, SMOOTH, 0))
+    return light / np.maximum(around, 1e-6)[..., None]
+
+
+def solve(lit: Lit, views: int, shininess: float) -> Appearance:
+    """Return the looks and lights of one exponent that come closest, by turns.
+
+    Light, looks and exposures each by non-negative least squares, errors relative to
+    the brightness, pixels far off counting less.
+    """
+    seen = lit.seen
+    highlight = lit.share * lit.mirror**shininess
+    rough = DARK * seen.mean() + seen.mean(axis=1, keepdims=True)
+    weight = 1.0 / np.broadcast_to(rough, seen.shape)
+    colour = seen.mean(axis=0) / seen.mean()
+    specular = 0.1 * colour
+    exposure, robust = np.ones(views), np.ones(len(seen))
+    power, sky, error = np.zeros(lit.share.shape[1]), 0.0, np.inf
+    for _ in range(ROUNDS):
+        gain = exposure[lit.view]
+        w = weight * robust[:, None] ** 0.5
+        # What shines: each column is one light, the last the sky.
+        columns = np.concatenate(
+            [
+                (gain * w[:, k])[:, None]
+                * np.concatenate(
+                    [
+                        colour[k] * lit.diffuse + specular[k] * highlight,
+                        np.full((len(seen), 1), colour[k]),
+                    ],
+                    axis=1,
+                )
+                for k in range(3)
+            ]
+        )
+        found = least_squares(columns, (w * seen).T.ravel())
+        power, sky = found[:-1], float(found[-1])
+        # What hair sends back of it, channel by channel.
+        sent = np.stack([lit.diffuse @ power + sky, highlight @ power], axis=1)
+        sent *= gain[:, None]
+        looks = [
+            least_squares(w[:, [k]] * sent, w[:, k] * seen[:, k]) for k in range(3)
+        ]
+        colour, specular = np.stack(looks, axis=1)
+        model = sent @ np.stack([colour, specular])
+        exposure = exposures(lit.view, model / gain[:, None] * w, seen * w, views)
+        model *= (exposure[lit.view] / gain)[:, None]
+        off = np.sqrt(np.mean((weight * (model - seen)) ** 2, axis=1))
+        scale = OUTLIER * float(np.median(off)) + 1e-9
+        robust = 1.0 / (1.0 + (off / scale) ** 2)
+        error = float(np.sqrt(np.average(off**2, weights=robust)))
+    return Appearance(
+        as_colour(colour),
+        as_colour(specular),
+        shininess,
+        np.zeros((len(power), 3)),
+        power,
+        sky,
+        exposure,
+        error,
+    )
+
+
+def as_colour(values: Float[np.ndarray, " 3"]) -> Colour:
+    """Return three numbers as a colour."""
+    red, green, blue = (float(value) for value in values)
+    return red, green, blue
+
+
+def least_squares(
+    columns: Float[np.ndarray, "rows unknowns"], wanted: Float[np.ndarray, " rows"]
+) -> Float[np.ndarray, " unknowns"]:
+    """Return the least squares solution without negative numbers."""
+    square = columns.T @ columns
+    square += 1e-6 * (np.trace(square) / len(square) + 1e-12) * np.eye(len(square))
+    factor = np.linalg.cholesky(square)
+    right = np.linalg.solve(factor, columns.T @ wanted)
+    return optimize.nnls(factor.T, right)[0]
+
+
+def exposures(
+    view: Int[np.ndarray, " pixels"],
+    model: Float[np.ndarray, "pixels 3"],
+    seen: Float[np.ndarray, "pixels 3"],
+    views: int,
+) -> Float[np.ndarray, " views"]:
+    """Return how bright each photograph is beside its model, 1 in the mean."""
+    both = np.bincount(view, (model * seen).sum(axis=1), minlength=views)
+    own = np.bincount(view, (model**2).sum(axis=1), minlength=views)
+    gain = np.where(own > 0, both / np.maximum(own, 1e-12), 1.0)
+    gain = np.maximum(gain, 1e-6) / np.exp(np.mean(np.log(np.maximum(gain, 1e-6))))
+    return np.clip(gain, 1.0 / BRIGHTEST_EXPOSURE, BRIGHTEST_EXPOSURE)
+
+
+def tidied(found: Appearance, white: float) -> Appearance:
+    """Return an appearance of few lights, in which they light white to `white`."""
+    power, ways = found.strength, found.to_light
+    total = power.sum() + found.sky
+    some = power > LEAST_SHARE * total
+    # What is weak is spread over the sky as a matt surface takes it: half of it faces.
+    sky = found.sky + 0.25 * float(power[~some].sum())
+    power, ways = power[some], ways[some]
+    facing = np.maximum(ways @ ways.T, 0.0) @ power if len(ways) else np.zeros(1)
+    brightest = max(float(facing.max()) + sky, 1e-9) / white
+    return found._replace(
+        colour=as_colour(brightest * np.asarray(found.colour)),
+        specular=as_colour(brightest * np.asarray(found.specular)),
+        to_light=ways,
+        strength=power / brightest,
+        sky=sky / brightest,
+    )

@@ -1,0 +1,181 @@
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from ball_hair import RADIUS, ball, comb, ring
+from scipy import ndimage
+
+from hairfit.capture import View
+from hairfit.evaluate.visibility import Sight
+from hairfit.fit.appearance import (
+    WHITE,
+    Appearance,
+    Lit,
+    exposures,
+    find_appearance,
+    least_squares,
+    smoothed,
+    solve,
+    tidied,
+)
+from hairfit.render import mesh_depth
+from hairfit.render.lights import DistantLight
+from hairfit.render.picture import Pictures
+from hairfit.render.scene import Background, HairLook, Scene
+from hairfit.render.studio import shown_width
+
+COLOUR = np.array([0.22, 0.10, 0.05])
+KEY = np.array([0.8, 0.5, 0.33])
+
+
+def known(rng, pixels=900, lights=6, views=3):
+    """Return pixels in known light, and what light, colours and exposures they had."""
+    diffuse, mirror, share = rng.uniform(0.0, 1.0, (3, pixels, lights))
+    view = np.arange(pixels) % views
+    power, sky = np.array([0.9, 0.0, 0.4, 0.0, 0.0, 0.2]), 0.15
+    exposure = np.array([0.8, 1.0, 1.25])
+    specular = np.array([0.2, 0.15, 0.12])
+    even = exposure[view] * (share * diffuse @ power + sky)
+    glint = exposure[view] * (share * mirror**8.0 @ power)
+    seen = even[:, None] * COLOUR + glint[:, None] * specular
+    lit = Lit(seen, view, share * diffuse, mirror, share)
+    return lit, power, sky, exposure, specular
+
+
+def test_light_colour_and_exposures_are_found_where_the_model_holds():
+    lit, power, sky, exposure, specular = known(np.random.default_rng(0))
+    found = solve(lit, 3, 8.0)
+    assert found.error < 0.01
+    # Colour and light are known but for a factor.
+    scale = found.colour[0] / COLOUR[0]
+    assert np.allclose(found.colour, scale * COLOUR, rtol=0.03)
+    assert np.allclose(found.specular, scale * specular, rtol=0.1)
+    assert np.allclose(found.strength, power / scale, atol=0.04 / scale)
+    assert np.isclose(found.sky, sky / scale, rtol=0.15)
+    assert np.allclose(found.exposure, exposure, rtol=0.02)
+
+
+def test_a_wrong_exponent_explains_less():
+    lit, *_ = known(np.random.default_rng(1))
+    assert solve(lit, 3, 8.0).error < 0.5 * solve(lit, 3, 50.0).error
+
+
+def test_pixels_that_are_not_hair_count_little():
+    lit, *_ = known(np.random.default_rng(2))
+    seen = lit.seen.copy()
+    seen[::10] = [0.1, 0.9, 0.2]
+    found = np.array(solve(lit._replace(seen=seen), 3, 8.0).colour)
+    assert np.allclose(found / found[0], COLOUR / COLOUR[0], atol=0.05)
+
+
+def test_least_squares_has_no_negative_numbers():
+    rng = np.random.default_rng(3)
+    columns = rng.normal(size=(200, 4))
+    wanted = columns @ np.array([1.0, -2.0, 0.5, 0.0])
+    found = least_squares(columns, wanted)
+    assert (found >= 0).all() and found[1] == 0.0
+    free = np.array([1.0, 0.0, 0.5, 0.3])
+    assert np.allclose(least_squares(columns, columns @ free), free, atol=1e-4)
+
+
+def test_a_photograph_without_hair_is_exposed_as_others():
+    model = np.ones((6, 3))
+    view = np.array([0, 0, 0, 2, 2, 2])
+    gain = np.array([1.0, 1.0, 1.0, 4.0, 4.0, 4.0])
+    found = exposures(view, model, gain[:, None] * model, 3)
+    assert np.isclose(found[2] / found[0], 4.0)
+    assert np.isclose(np.prod(found), 1.0)
+
+
+def test_weak_lights_become_sky_and_white_paper_as_bright_as_said():
+    ways = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
+    found = Appearance(
+        (0.2, 0.1, 0.05), (0.1, 0.1, 0.1), 8.0, ways, np.array([3.0, 1.0, 0.02]), 0.5,
+        np.ones(2), 0.1,
+    )  # fmt: skip
+    tidy = tidied(found, 0.4)
+    assert len(tidy.lights) == 2
+    # Paper that faces the strongest of two lights at right angles.
+    assert np.isclose(tidy.strength[0] + tidy.sky, 0.4)
+    product = tidy.strength[0] * tidy.colour[0]
+    assert np.isclose(product, 3.0 * 0.2)
+    assert np.isclose(tidy.sky * tidy.colour[0], (0.5 + 0.25 * 0.02) * 0.2)
+
+
+@pytest.fixture(scope="module")
+def photographs():
+    """Photographs of combed hair under a key light, drawn by JAX."""
+    rng = np.random.default_rng(0)
+    roots = rng.normal(size=(2500, 3))
+    roots[:, 1] = np.abs(roots[:, 1]) + 0.3
+    strands = comb(RADIUS * roots / np.linalg.norm(roots, axis=1, keepdims=True))
+    red, green, blue = (float(c) for c in COLOUR)
+    scene = Scene(
+        strands,
+        HairLook(
+            colour=(red, green, blue),
+            width=shown_width(strands),
+            ambient=1.0,
+            diffuse=1.0,
+            specular=(0.05, 0.05, 0.05),
+            coloured=0.0,
+            variation=0.0,
+        ),
+        head=ball(),
+        skin=(0.0, 0.0, 0.0),  # what is seen between hairs has no colour
+        lights=(DistantLight(jnp.asarray(KEY), jnp.full(3, 0.7)),),
+        sky=(0.1, 0.1, 0.1),
+        background=Background((WHITE, WHITE, WHITE)),
+    )
+    pictures, sights = Pictures(scene), []
+    for k, camera in enumerate(ring(4)):
+        drawn = np.asarray(pictures.draw_linear(camera), np.float64)
+        empty = dataclasses.replace(scene, strands=strands[:0])
+        bare = np.asarray(Pictures(empty).draw_linear(camera), np.float64)
+        hair = np.abs(drawn - bare)[..., :3].max(axis=-1) > 0.02
+        hair = ndimage.binary_erosion(hair, iterations=3)
+        view = View(f"{k:02}", camera, drawn[..., :3], hair)
+        sights.append(Sight(view, mesh_depth(ball(), camera)))
+    return strands, sights
+
+
+@pytest.mark.slow
+def test_colour_and_light_of_photographs_are_found(photographs):
+    strands, sights = photographs
+    found = find_appearance(strands, sights, ball())
+    assert found is not None
+    colour = np.array(found.colour)
+    assert np.allclose(colour / colour[0], COLOUR / COLOUR[0], rtol=0.15)
+    assert colour[0] < COLOUR[0]  # between thin hair it is dark
+    mean = found.strength @ found.to_light
+    key = KEY / np.linalg.norm(KEY)
+    assert mean @ key / np.linalg.norm(mean) > np.cos(np.radians(35.0))
+    assert np.allclose(found.exposure, 1.0, atol=0.1)
+
+
+@pytest.mark.slow
+def test_the_same_seed_finds_the_same(photographs):
+    strands, sights = photographs
+    first, second = (find_appearance(strands, sights, ball(), 1) for _ in range(2))
+    assert first is not None and second is not None
+    assert first.colour == second.colour and np.array_equal(
+        first.strength, second.strength
+    )
+
+
+def test_without_hair_nothing_is_found(photographs):
+    strands, sights = photographs
+    bald = [
+        Sight(dataclasses.replace(view, hair=np.zeros_like(view.hair)), behind)
+        for view, behind in sights
+    ]
+    assert find_appearance(strands, bald, ball()) is None
+
+
+def test_hair_is_smoothed_without_what_is_beside_it(photographs):
+    _, sights = photographs
+    view = sights[0].view
+    painted = np.where(view.hair[..., None], 0.3, 0.9) * np.ones(3)
+    found = smoothed(dataclasses.replace(view, image=painted))
+    assert np.allclose(found[view.hair], 0.3)
