@@ -37,7 +37,7 @@ DARK = 0.3  # of the mean brightness, added where errors are made relative
 OUTLIER = 1.5  # medians of the error beyond which a pixel counts less
 BRIGHT = 99.0  # per cent of a photograph that is no brighter than white
 WHITE = 0.9  # what white paper sends back
-LEAST_SHARE = 0.03  # of all light; weaker lights become sky
+LEAST_SHARE = 0.06  # of all light; weaker lights become sky
 BRIGHTEST_EXPOSURE = 4.0  # photographs are exposed within so many times the mean
 FEWEST = 50  # pixels of hair without which nothing is known of its looks
 
@@ -129,7 +129,8 @@ def find_appearance(
         return None
     found = [solve(lit, len(sights), shininess) for shininess in SHININESS]
     best = min(found, key=lambda one: one.error)
-    bright = [np.percentile(sight.view.image.max(axis=-1), BRIGHT) for sight in sights]
+    some = [sight.view.image[::4, ::4].max(axis=-1) for sight in sights]
+    bright = [np.percentile(picture, BRIGHT) for picture in some]
     white = max(float(np.median(bright)), 1e-3) / WHITE
     return tidied(best._replace(to_light=ways), white)
 
@@ -199,11 +200,17 @@ def unit(v: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 
 def smoothed(view: View) -> Float[np.ndarray, "height width 3"]:
-    """Return the hair of a photograph without its finest texture, linear RGB."""
-    mask = view.hair.astype(np.float64)
-    around = ndimage.gaussian_filter(mask, SMOOTH)
-    light = ndimage.gaussian_filter(view.image * mask[..., None], (SMOOTH, SMOOTH, 0))
-    return light / np.maximum(around, 1e-6)[..., None]
+    """Return the hair of a photograph without its finest texture, linear RGB.
+
+    Black where there is no hair.
+    """
+    out = np.zeros(view.image.shape)
+    for box in ndimage.find_objects(view.hair.astype(np.uint8)):
+        mask = view.hair[box].astype(np.float64)[..., None]
+        around = ndimage.gaussian_filter(mask, (SMOOTH, SMOOTH, 0))
+        light = ndimage.gaussian_filter(view.image[box] * mask, (SMOOTH, SMOOTH, 0))
+        out[box] = mask * light / np.maximum(around, 1e-6)
+    return out
 
 
 def solve(lit: Lit, views: int, shininess: float) -> Appearance:

@@ -1,7 +1,7 @@
 """Light on a scene's hair and head, by JAX: what `render.gl` does with shaders."""
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -55,14 +55,15 @@ def light_at(
         lights: The lights.
     """
     at = jnp.asarray(places, number())
+    head = None if scene.head is None else solid(scene.head)
     ways, found = [], []
     for light in lights:
         arriving = jax.vmap(light.arriving)(at)
         share = jnp.ones_like(at)
         if scene.shadows is not None:
             share = shares(at, light, scene, scene.shadows)
-            if scene.head is not None:
-                free = lit_past(scene.head, places, light, scene.shadows.bias)
+            if head is not None:
+                free = lit_past(head, places, light, scene.shadows.bias)
                 share = share * jnp.asarray(free, number())[:, None]
         ways.append(arriving.to_light)
         found.append(arriving.radiance * share)
@@ -106,8 +107,22 @@ def rounded_up(count: int) -> int:
     return 3 * power // 4 if power >= 4 and count <= 3 * power // 4 else power
 
 
+class Solid(NamedTuple):
+    """A mesh, and what tells which rays meet it."""
+
+    mesh: Mesh
+    rays: Any
+
+
+def solid(mesh: Mesh) -> Solid:
+    """Return a mesh prepared for many rays."""
+    import trimesh
+
+    return Solid(mesh, trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).ray)
+
+
 def lit_past(
-    head: Mesh, places: Float[np.ndarray, "places 3"], light: Light, bias: float
+    head: Solid, places: Float[np.ndarray, "places 3"], light: Light, bias: float
 ) -> Bool[np.ndarray, " places"]:
     """Return which places a head does not hide from a light.
 
@@ -117,8 +132,6 @@ def lit_past(
         light: The light.
         bias: How deep under the skin it is still light, in metres.
     """
-    import trimesh
-
     if isinstance(light, PointLight):
         way = np.asarray(light.position, np.float64) - places
     else:
@@ -126,11 +139,10 @@ def lit_past(
     distance = np.linalg.norm(way, axis=1)
     towards = way / np.maximum(distance, 1e-12)[:, None]
     start = places + bias * towards
-    surface = trimesh.Trimesh(head.vertices, head.faces, process=False)
-    face = surface.ray.intersects_first(start, towards)
+    face = head.rays.intersects_first(start, towards)
     hidden = face >= 0
     if isinstance(light, PointLight):
-        hidden &= share_to_faces(head, face, start, towards) < distance - bias
+        hidden &= share_to_faces(head.mesh, face, start, towards) < distance - bias
     return ~hidden
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from hairfit.render import Camera
 from hairfit.render.lights import DistantLight
-from hairfit.render.lit import lit_past, rounded_up
+from hairfit.render.lit import lit_past, rounded_up, solid
 from hairfit.render.picture import Pictures, PictureStyle
 from hairfit.render.scene import Background, HairLook, Scene
 from hairfit.types import Mesh
@@ -75,7 +75,7 @@ def test_a_wall_keeps_far_light_away():
     light = DistantLight(jnp.array([0.0, 0.0, 1.0]), jnp.ones(3))
     # Before it, just under its surface, and behind it.
     places = np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 0.049], [0.0, 0.0, 0.0]])
-    assert lit_past(wall, places, light, 0.003).tolist() == [True, True, False]
+    assert lit_past(solid(wall), places, light, 0.003).tolist() == [True, True, False]
 
 
 def test_few_numbers_of_samples_are_used():
