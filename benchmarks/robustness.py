@@ -1,9 +1,9 @@
 """How much a fit depends on its seed, and what one bad photograph costs.
 
-Run `python benchmarks/robustness.py [CAPTURE ...] [--views 00,01,...] [--quality normal]
-[--seeds 20] [--spoil 2]`. First fits with different seeds: the mean and the standard
-deviation of the unsigned F at 3 mm and 30 degrees over all strands, and whether a
-number is not finite. Then fits with one view spoiled in every way that
+Run `python benchmarks/robustness.py [CAPTURE ...] [--views 00,01,...]
+[--quality normal] [--seeds 20] [--spoil 2]`. First fits with different seeds: the mean
+and the standard deviation of the unsigned F at 3 mm and 30 degrees over all strands,
+and whether a number is not finite. Then fits with one view spoiled in every way that
 `corruptions.py` knows: the points of F that are lost against the clean fit of seed 0,
 and what the fit says of the view. F is measured on a sample of the points.
 """

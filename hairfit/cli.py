@@ -40,6 +40,8 @@ class Fit:
     """Names (00,02,04), or how many (8), spread evenly over directions; else all."""
     quality: Literal["draft", "normal", "high"] = "normal"
     """How much time to take."""
+    time_limit: float | None = None
+    """Seconds in which to be done: by a coarser quality and less refinement."""
     seed: int = 0
     """The same seed gives the same result."""
     strands: int = 16_000
@@ -55,7 +57,12 @@ class Fit:
         from .report.progress import say
         from .report.result import check_out
 
+        start = time.monotonic()
         at_least_one(self.strands, "--strands")
+        if self.time_limit is not None and not self.time_limit > 0.0:
+            raise InputError(
+                f"--time-limit must be a number of seconds, not {self.time_limit:g}."
+            )
         check_out(self.out, self.capture)
         capture = load_capture(self.capture, self.views)
         require_for_fit(capture)
@@ -63,10 +70,11 @@ class Fit:
             say(note, quiet=self.quiet)
 
         from .fit import FitConfig
-        from .report.fitting import fit_to_folder
+        from .report.fitting import before_fit, fit_to_folder
 
-        start = time.monotonic()
-        config = FitConfig(quality=self.quality, seed=self.seed, strands=self.strands)
+        config = FitConfig(self.quality, self.seed, self.strands, self.time_limit)
+        for sentence in before_fit(capture, config):
+            say(sentence, quiet=self.quiet)
         report = fit_to_folder(capture, config, self.out, quiet=self.quiet)
         seconds = round(time.monotonic() - start, 1)
         if self.json:

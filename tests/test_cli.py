@@ -139,6 +139,31 @@ def test_a_fit_writes_the_whole_result(fake, capture, tmp_path, capsys):
     assert (again / "report.html").read_bytes() == (out / "report.html").read_bytes()
 
 
+def test_a_fit_says_what_it_will_take_and_keeps_its_limit(
+    fake, capture, tmp_path, capsys
+):
+    out = tmp_path / "result"
+    words = "fit", capture, "--out", out, "--quality", "high"
+    assert run(*words) == 0
+    said = capsys.readouterr().err
+    assert "hairfit: 3 photographs at quality high: about " in said
+    assert " GB on two cores." in said and "longer than" not in said
+    assert run(*words, "--time-limit", 5) == 0
+    said = capsys.readouterr().err
+    assert "high would take about " in said and "at quality draft: about " in said
+    assert "longer than --time-limit" in said
+    settings = json.loads((out / "report.json").read_text())["settings"]
+    assert settings["time_limit"] == 5
+    assert run(*words, "--time-limit", 0) == 2
+    assert "--time-limit must be a number of seconds" in capsys.readouterr().err
+
+
+def test_a_fit_that_lacks_memory_says_so(fake, capture, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("hairfit.report.fitting.free_gigabytes", lambda: 0.5)
+    assert run("fit", capture, "--out", tmp_path / "result") == 0
+    assert "only 0.5 GB of memory are free; close" in capsys.readouterr().err
+
+
 def test_ctrl_c_leaves_no_half_result_and_the_fit_resumes(
     fake, capture, tmp_path, capsys
 ):

@@ -20,6 +20,7 @@ from ..model.contour import ANGLES
 from ..model.cylinder import GeneralizedCylinder
 from ..model.scalp import SIDE, Scalp, normals_on, points_on, sample_roots
 from ..model.tree import ScalpContour
+from .devices import BY_BOTH, BY_VIEW, EVERYWHERE, device_mesh, put
 from .refine import (
     Found,
     Problem,
@@ -28,6 +29,7 @@ from .refine import (
     Turn,
     descend,
     move,
+    shared_out,
     still,
     strands_of,
 )
@@ -79,7 +81,8 @@ def compile_growth(guides: int, others: Sequence[int]) -> None:
 
 def compile_refinement(shapes: Shapes, config: RefineConfig) -> None:
     """Refine nothing, in no steps."""
-    problem = empty_problem(shapes, config)
+    mesh = device_mesh(shapes.views, config.strands)
+    problem = shared_out(empty_problem(shapes, config), mesh)
     turn = Turn(zeros(dtype=np.int32), zeros(shapes.clusters, dtype=np.int32))
     moves = still(problem.cylinder)
     move(problem, moves, turn)
@@ -88,11 +91,11 @@ def compile_refinement(shapes: Shapes, config: RefineConfig) -> None:
     pulls, index = (shapes.views, PULLS), np.int32
     strand, empty = zeros(*pulls, dtype=index), zeros(DRAWN, dtype=index)
     found = Found(
-        zeros(*segments, dtype=bool),
-        Pulls(strand, strand, zeros(*pulls, 2), zeros(*pulls)),
-        Gaps(empty, empty, zeros(DRAWN, 3), zeros(DRAWN)),
+        put(mesh, zeros(*segments, dtype=bool), BY_BOTH),
+        put(mesh, Pulls(strand, strand, zeros(*pulls, 2), zeros(*pulls)), BY_VIEW),
+        put(mesh, Gaps(empty, empty, zeros(DRAWN, 3), zeros(DRAWN)), EVERYWHERE),
     )
-    descend(problem, moves, found, turn, zeros(dtype=index), config)
+    descend(problem, moves, found, turn, zeros(dtype=index), config, mesh)
 
 
 def zeros(*shape: int, dtype: DTypeLike = np.float32) -> Array:

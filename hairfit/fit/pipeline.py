@@ -1,9 +1,10 @@
 """The way from a capture to a hair tree, stage by stage."""
 
 import dataclasses
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -29,6 +30,7 @@ from .checkpoint import Checkpoint
 from .confidence import ConfidenceConfig, with_confidence
 from .consistency import carve_by_direction
 from .corners import carve_corners
+from .cost import Quality, affordable, refine_until
 from .density import TEXELS
 from .derive import Derived, derive_hair, with_spare
 from .evidence import Field, diffuse, gather
@@ -63,12 +65,15 @@ FEWEST_GROWN = 50
 class FitConfig:
     """How a fit is done."""
 
-    quality: Literal["draft", "normal", "high"] = "normal"
+    quality: Quality = "normal"
     """How fine: edge of a voxel, number of clusters, steps of refinement."""
     seed: int = 0
     """Of all that is random; the same seed gives the same bytes."""
     strands: int = 16000
     """Number of strands in the result; the tree gives as many as one wants."""
+    time_limit: float | None = None
+    """Seconds in which to be done, or as soon after as can be: by a coarser quality,
+    then by fewer rounds of refinement. What comes out then depends on the machine."""
 
 
 class Preset(NamedTuple):
@@ -149,8 +154,11 @@ def fit_capture(
     Raises:
         InputError: If there is no head, or the photographs leave no room for hair.
     """
+    start = time.monotonic()
     config = config or FitConfig()
-    preset = PRESETS[config.quality]
+    quality = affordable(capture.views, config.quality, config.time_limit)
+    config = dataclasses.replace(config, quality=quality)
+    preset, stop = PRESETS[quality], refine_until(quality, config.time_limit)
     head = capture.head
     if head is None:
         raise InputError(
@@ -175,6 +183,7 @@ def fit_capture(
         preset.refine,
         progress=lambda share: progress("refining the tree", 0.6 + 0.35 * share),
         room=room,
+        enough=lambda: stop is not None and time.monotonic() - start > stop,
     )
     tree = prune(tree, _samples(tree, preset, config), hull, **alike)
     progress("finding what is certain", 0.95)
@@ -192,6 +201,7 @@ def fit_capture(
         tree = round_tree(dataclasses.replace(tree, maps=jax.tree.map(single, maps)))
     parent = np.asarray(tree.parent)
     figures = {
+        "quality": quality,
         "voxels": int(hull.hair.sum()),
         "voxel_mm": 1e3 * hull.grid.spacing,
         "grown_strands": first.grown,

@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float, Int
 
 from ..capture.capture import View
@@ -22,6 +23,7 @@ from ..model.cylinder import GeneralizedCylinder, cylinder_frames
 from ..model.scalp import Scalp
 from ..model.strand import grow
 from ..model.tree import HairTree, ScalpContour, depths_of
+from .devices import BY_BOTH, BY_STRAND, BY_VIEW, EVERYWHERE, device_mesh, put
 from .residuals import (
     PhotoMaps,
     Pulls,
@@ -136,6 +138,7 @@ def refine(
     progress: Callable[[float], None] = lambda share: None,
     *,
     room: int = 0,
+    enough: Callable[[], bool] = lambda: False,
 ) -> HairTree:
     """Return the tree after gradient descent on the photographs' residuals.
 
@@ -149,6 +152,7 @@ def refine(
         progress: Called with the share that is done.
         room: Arrays hold so many clusters, if the tree has fewer: trees of different
             counts then share their compiled programs.
+        enough: Asked before each round; no more is done once it says so.
     """
     config = config or RefineConfig()
     views, depths, maps = photographs
@@ -157,6 +161,8 @@ def refine(
     level = jnp.asarray(np.pad(depth, (0, spare), constant_values=-1), jnp.int32)
     clusters = filled(tree, room)
     problem = Problem(tree.scalp, *clusters, level, samples, maps, volume)
+    mesh = device_mesh(len(views), len(samples.owner))
+    problem = shared_out(problem, mesh)
     steps = jnp.asarray(config.steps, jnp.int32)
     count = int(depth.max()) + 1
     done = 0
@@ -166,13 +172,15 @@ def refine(
         moves = still(problem.cylinder)
         current = move(problem, moves, turn)
         for _ in range(config.rounds):
+            if enough():
+                break
             strands = np.asarray(strands_of(problem, current, config.points))
             found = Found(
-                jnp.asarray(seen_segments(strands, views, depths)),
-                find_pulls(strands, views, depths, done),
-                find_gaps(strands, places, done),
+                put(mesh, jnp.asarray(seen_segments(strands, views, depths)), BY_BOTH),
+                put(mesh, find_pulls(strands, views, depths, done), BY_VIEW),
+                put(mesh, find_gaps(strands, places, done), EVERYWHERE),
             )
-            moves = descend(problem, moves, found, turn, steps, config)
+            moves = descend(problem, moves, found, turn, steps, config, mesh)
             current = move(problem, moves, turn)
             done += 1
             progress(done / (count * config.rounds))
@@ -300,7 +308,15 @@ def carry(
     return after.skeleton + jnp.einsum("ki,kij->kj", local, turned)
 
 
-@functools.partial(jax.jit, static_argnames="config")
+def shared_out(problem: Problem, mesh: Mesh | None) -> Problem:
+    """Return what a loss needs, as it is shared out over devices."""
+    return put(mesh, problem, EVERYWHERE)._replace(
+        samples=put(mesh, problem.samples, BY_STRAND),
+        maps=put(mesh, problem.maps, BY_VIEW),
+    )
+
+
+@functools.partial(jax.jit, static_argnames=("config", "mesh"))
 def descend(
     problem: Problem,
     moves: Moves,
@@ -308,6 +324,7 @@ def descend(
     turn: Turn,
     steps: Int[Array, ""],
     config: RefineConfig,
+    mesh: Mesh | None = None,
 ) -> Moves:
     """Return the moves after so many steps of Adam."""
     before = strands_of(problem, problem.cylinder, config.points)
@@ -324,7 +341,7 @@ def descend(
             prior += jnp.mean((jnp.diff(change, axis=1) / config.sigma_map) ** 2)
         stretch = stretched(before, strands) / config.sigma_stretch
         prior = filled * prior + jnp.mean(stretch**2)
-        found = image_loss(strands, given.seen, problem.maps)
+        found = image_loss(strands, given.seen, problem.maps, mesh)
         found += bare_loss(strands, given.pulls, problem.maps)
         found += config.field * field_loss(strands, problem.volume)
         found += config.gap * gap_loss(strands, given.gaps)

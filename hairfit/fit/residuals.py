@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float, Int
 from scipy import ndimage
 from scipy.spatial import KDTree
@@ -17,6 +18,7 @@ from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..render.camera import Camera
 from ..render.raster import cells, project_points, rasterise, visible_points
+from .devices import BY_BOTH, BY_STRAND, BY_VIEW, EVERYWHERE, STRANDS, VIEWS
 
 SIGMA_ANGLE = 0.15  # radians
 SIGMA_OUTSIDE = 0.001  # metres
@@ -103,19 +105,33 @@ def image_loss(
     strands: Float[Array, "strands knots 3"],
     seen: Bool[Array, "views strands segments"],
     maps: PhotoMaps,
+    mesh: Mesh | None = None,
 ) -> Float[Array, ""]:
-    """Return how far strands are from the photographs' orientation and masks."""
+    """Return how far strands are from the photographs' orientation and masks.
 
-    def one(carry, view):
-        found, visible = view
-        angle, weight, beyond, open_sight = _compare(strands, visible, found)
-        total = jnp.stack(
-            [jnp.sum(angle), jnp.sum(weight), jnp.sum(beyond), open_sight]
-        )
-        return carry + total, None
+    Args:
+        strands: The strands, in metres.
+        seen: Which segments each photograph shows.
+        maps: What photographs say.
+        mesh: The devices over which photographs and strands are shared out.
+    """
 
-    totals, _ = jax.lax.scan(one, jnp.zeros(4, strands.dtype), (maps, seen))
-    return totals[0] / (totals[1] + 1e-3) + totals[2] / (totals[3] + 1.0)
+    def totals(strands, seen, maps):
+        def one(view):
+            found, visible = view
+            angle, weight, beyond, open_sight = _compare(strands, visible, found)
+            return jnp.stack(
+                [jnp.sum(angle), jnp.sum(weight), jnp.sum(beyond), open_sight]
+            )
+
+        mine = jnp.sum(jax.lax.map(one, (maps, seen)), axis=0)
+        return mine if mesh is None else jax.lax.psum(mine, (VIEWS, STRANDS))
+
+    if mesh is not None:
+        given = BY_STRAND, BY_BOTH, BY_VIEW
+        totals = jax.shard_map(totals, mesh=mesh, in_specs=given, out_specs=EVERYWHERE)
+    angle, weight, beyond, open_sight = totals(strands, seen, maps)
+    return angle / (weight + 1e-3) + beyond / (open_sight + 1.0)
 
 
 def _compare(strands, visible, found: PhotoMaps):

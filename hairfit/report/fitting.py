@@ -1,5 +1,6 @@
 """A fit from capture to result folder: progress, checkpoint, files."""
 
+import dataclasses
 import os
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,12 @@ from ..capture.capture import Capture
 from ..capture.scalp_file import save_scalp
 from ..fit import FitConfig, FitResult, fit_capture
 from ..fit.appearance import Appearance
+from ..fit.cost import affordable, expected_cost, free_gigabytes
 from ..fit.suspects import Doubt
 from ..io.strands import save_strands
 from ..io.tree import save_tree
 from .pictures import hexadecimal
-from .progress import say, shown_progress
+from .progress import about, say, shown_progress
 from .result import (
     FORMAT,
     close_checkpoint,
@@ -36,7 +38,10 @@ def fit_to_folder(
     Stages that are done are kept beside `out`, and taken up by the next call, until
     the result is written.
     """
-    checkpoint = open_checkpoint(out, capture, config)
+    # What is kept does not depend on when to stop.
+    quality = affordable(capture.views, config.quality, config.time_limit)
+    kept = dataclasses.replace(config, quality=quality, time_limit=None)
+    checkpoint = open_checkpoint(out, capture, kept)
     if checkpoint.resuming:
         say(f"resuming the fit that '{checkpoint.folder}' holds.", quiet=quiet)
     done = False
@@ -56,6 +61,32 @@ def fit_to_folder(
     finally:
         close_checkpoint(checkpoint, keep=not done)
     return report
+
+
+def before_fit(capture: Capture, config: FitConfig) -> list[str]:
+    """Return what to say of time and memory before a fit starts."""
+    limit = config.time_limit
+    quality = affordable(capture.views, config.quality, limit)
+    cost = expected_cost(capture.views, quality)
+    said = [
+        f"{len(capture.views)} photographs at quality {quality}: "
+        f"{about(cost.seconds)} and {cost.gigabytes:.1f} GB on two cores."
+    ]
+    if quality != config.quality:
+        asked = expected_cost(capture.views, config.quality).seconds
+        said[0] = f"{config.quality} would take {about(asked)}; " + said[0]
+    if limit is not None and cost.seconds > limit:
+        said.append(
+            "that is longer than --time-limit: what can be left out of the refinement "
+            "is; fewer photographs, or smaller ones, are faster."
+        )
+    free = free_gigabytes()
+    if free is not None and free < cost.gigabytes:
+        said.append(
+            f"only {free:.1f} GB of memory are free; close other programs, or use "
+            "fewer or smaller photographs."
+        )
+    return said
 
 
 def write_result(
@@ -84,6 +115,7 @@ def write_result(
             "quality": config.quality,
             "seed": config.seed,
             "strands": config.strands,
+            **limited(config),
         },
         "clusters": len(fitted.tree.parent),
         "strands": fitted.strands.count,
@@ -95,6 +127,12 @@ def write_result(
     }
     write_report(folder, report)
     return report
+
+
+def limited(config: FitConfig) -> dict[str, float]:
+    """Return the limit of a fit that had one, as a setting."""
+    limit = config.time_limit
+    return {} if limit is None else {"time_limit": limit}
 
 
 def looks_in_report(looks: Appearance) -> dict[str, Any]:

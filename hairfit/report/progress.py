@@ -31,11 +31,14 @@ class TimeLeft:
 
 def spoken(seconds: float | None) -> str:
     """Return a time left as a person says it."""
-    if seconds is None or seconds == 0.0:
-        return ""
+    return f"{about(seconds)} left" if seconds else ""
+
+
+def about(seconds: float) -> str:
+    """Return a time as a person says it."""
     if seconds < 90:
-        return f"about {max(1, round(seconds))} s left"
-    return f"about {round(seconds / 60)} min left"
+        return f"about {max(1, round(seconds))} s"
+    return f"about {round(seconds / 60)} min"
 
 
 @contextmanager

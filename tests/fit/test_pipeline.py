@@ -168,6 +168,19 @@ def test_a_fit_that_is_taken_up_gives_the_same_bytes(fitted, capture, tmp_path, 
     assert bytes_of(again) == bytes_of(result)
 
 
+@pytest.mark.slow
+def test_a_fit_in_no_time_is_a_draft_without_refinement(capture):
+    said: list[str] = []
+    config = FitConfig("high", seed=3, strands=400, time_limit=1.0)
+    result = fit_capture(
+        capture, config, progress=lambda stage, share: said.append(stage)
+    )
+    assert result.figures["quality"] == "draft"
+    assert said.count("refining the tree") == 1  # its start, no round
+    points = result.strands.points
+    assert len(points) and np.isfinite(points).all()
+
+
 def test_without_a_head_there_is_no_fit(tmp_path):
     with pytest.raises(InputError, match="no `head.obj` in .*put the head's mesh"):
         fit_capture(Capture(tmp_path, ()), CONFIG)

@@ -270,3 +270,25 @@ def test_clusters_that_only_fill_the_arrays_change_nothing(tree, scene):
     assert roomy.parent == plain.parent
     for mine, other in zip(jax.tree.leaves(roomy), jax.tree.leaves(plain), strict=True):
         assert np.allclose(mine, other, atol=2e-5)
+
+
+@pytest.mark.slow
+def test_a_refinement_that_has_had_enough_stops_after_the_round(tree, scene):
+    taken, samples, maps, head = scene
+    places = strands_of(single(tree), samples).reshape(-1, 3)
+    given = samples, Photographs(taken.views, taken.depths, maps), head, places
+    config = RefineConfig(rounds=2, steps=3, points=POINTS)
+    shares: list[float] = []
+    none = refine(single(tree), *given, config, shares.append, enough=lambda: True)
+    assert shares == []
+    for mine, other in zip(
+        jax.tree.leaves(none), jax.tree.leaves(single(tree)), strict=True
+    ):
+        assert np.allclose(mine, other, atol=1e-6)
+    one = refine(
+        single(tree), *given, config, shares.append, enough=lambda: bool(shares)
+    )
+    assert shares == [0.25]
+    assert np.isfinite(strands_of(one, samples)).all()
+    change = one.cylinder.skeleton - none.cylinder.skeleton
+    assert np.abs(np.asarray(change)).max() > 1e-4
