@@ -5,6 +5,7 @@ in light from each of many directions, shadowed by hair and head, is known once 
 is; what shone from where, and the colour of the hair, follow by least squares.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -17,9 +18,9 @@ from scipy import ndimage, optimize
 from ..capture.capture import View
 from ..evaluate.visibility import Sight
 from ..render.lights import DistantLight
-from ..render.lit import light_at, number
-from ..render.raster import rasterise
-from ..render.scene import Colour, HairLook, Scene
+from ..render.lit import head_radiance, light_at, number
+from ..render.raster import cells, project_points, rasterise
+from ..render.scene import OUTSIDE, Colour, HairLook, Scene, head_places
 from ..render.shading import Fibre, kajiya_kay
 from ..render.shadow_style import ShadowStyle
 from ..render.studio import shown_width, sky_lights
@@ -40,6 +41,8 @@ WHITE = 0.9  # what white paper sends back
 LEAST_SHARE = 0.06  # of all light; weaker lights become sky
 BRIGHTEST_EXPOSURE = 4.0  # photographs are exposed within so many times the mean
 FEWEST = 50  # pixels of hair without which nothing is known of its looks
+LIGHTEST_SKIN = 0.7  # what skin sends back at most of a colour
+BESIDE_HAIR = 4  # pixels beside hair that may still be hair
 
 
 class Appearance(NamedTuple):
@@ -47,7 +50,8 @@ class Appearance(NamedTuple):
 
     Only products of colour, light and exposure are seen. Light is taken to be white,
     exposures to be 1 in the mean, and the brightest parts of the photographs to be of
-    a nearly white matt surface that faces most of the light.
+    a nearly white matt surface that faces most of the light, unless the head would then
+    be brighter than skin is.
 
     Attributes:
         colour: Colour of the hair.
@@ -57,6 +61,7 @@ class Appearance(NamedTuple):
         strength: What a white matt surface that faces each sends back.
         sky: Light from all sides.
         exposure: How much brighter than the mean each photograph is.
+        skin: Colour of the head where no hair is, None where it is not seen.
         error: Root mean square error of brightness, relative.
     """
 
@@ -68,6 +73,7 @@ class Appearance(NamedTuple):
     sky: float
     exposure: Float[np.ndarray, " views"]
     error: float
+    skin: Colour | None = None
 
     @property
     def look(self) -> HairLook:
@@ -124,7 +130,10 @@ def find_appearance(
     """
     around = sky_lights((1.0, 1.0, 1.0), LIGHTS)
     ways = unit(np.stack([np.asarray(one.to_light, np.float64) for one in around]))
-    lit = light_pixels(strands, sights, head, ways, seed)
+    few = strands[:: -(-len(strands) // CASTING)]
+    look = HairLook(width=shown_width(few))
+    scene = Scene(few, look=look, head=head, shadows=SHADOWS)
+    lit = light_pixels(strands, sights, scene, ways, seed)
     if lit is None:
         return None
     found = [solve(lit, len(sights), shininess) for shininess in SHININESS]
@@ -132,13 +141,19 @@ def find_appearance(
     some = [sight.view.image[::4, ::4].max(axis=-1) for sight in sights]
     bright = [np.percentile(picture, BRIGHT) for picture in some]
     white = max(float(np.median(bright)), 1e-3) / WHITE
-    return tidied(best._replace(to_light=ways), white)
+    looks = tidied(best._replace(to_light=ways), white)
+    skin = skin_colour(looks, sights, scene)
+    if skin is None:
+        return looks
+    # More light, where a head would otherwise have to send back more than skin does.
+    looks = brightened(looks, max(1.0, max(skin) / LIGHTEST_SKIN))
+    return looks._replace(skin=skin_colour(looks, sights, scene))
 
 
 def light_pixels(
     strands: Float[np.ndarray, "strands knots 3"],
     sights: Sequence[Sight],
-    head: Mesh | None,
+    scene: Scene,
     ways: Float[np.ndarray, "lights 3"],
     seed: int,
 ) -> Lit | None:
@@ -164,9 +179,6 @@ def light_pixels(
     at = np.concatenate(places)
     if len(at) < FEWEST:
         return None
-    few = strands[:: -(-len(strands) // CASTING)]
-    look = HairLook(width=shown_width(few))
-    scene = Scene(few, look=look, head=head, shadows=SHADOWS)
     lights = tuple(DistantLight(jnp.asarray(way), jnp.ones(3)) for way in ways)
     share = np.asarray(light_at(at, scene, lights).radiance)[..., 0].T
     given = unit(np.concatenate(tangents)), ways, unit(np.concatenate(eyes))
@@ -175,6 +187,35 @@ def light_pixels(
     return Lit(
         np.concatenate(seen), np.concatenate(view), share * diffuse, mirror, share
     )
+
+
+def skin_colour(
+    looks: Appearance, sights: Sequence[Sight], scene: Scene
+) -> Colour | None:
+    """Return the colour of a matt head that explains what is seen of it, or None."""
+    if scene.head is None:
+        return None
+    white = dataclasses.replace(scene, skin=(1.0, 1.0, 1.0), sky=(looks.sky,) * 3)
+    places = head_places(scene.head)
+    arrived = light_at(places, scene, looks.lights)
+    found = []
+    for (photo, behind), gain in zip(sights, looks.exposure, strict=True):
+        if behind is None:
+            continue
+        shade = gain * head_radiance(white, arrived, np.asarray(photo.camera.centre))
+        pixels = project_points(places, photo.camera)
+        y, x, inside = cells(pixels, photo.camera.width, photo.camera.height)
+        hair = np.asarray(
+            ndimage.binary_dilation(photo.hair, iterations=BESIDE_HAIR), bool
+        )
+        free = inside & ~hair[y, x] & (pixels.depth < behind[y, x] + OUTSIDE)
+        bright = photo.image[y[free], x[free]]
+        ratio = bright / np.maximum(shade[free], 1e-3)
+        found.append(ratio[bright.max(axis=-1) < CLIPPED])
+    known = np.concatenate(found) if found else np.zeros((0, 3))
+    if len(known) < FEWEST:
+        return None
+    return as_colour(np.median(known, axis=0))
 
 
 @jax.jit
@@ -312,11 +353,15 @@ def tidied(found: Appearance, white: float) -> Appearance:
     sky = found.sky + 0.25 * float(power[~some].sum())
     power, ways = power[some], ways[some]
     facing = np.maximum(ways @ ways.T, 0.0) @ power if len(ways) else np.zeros(1)
-    brightest = max(float(facing.max()) + sky, 1e-9) / white
-    return found._replace(
-        colour=as_colour(brightest * np.asarray(found.colour)),
-        specular=as_colour(brightest * np.asarray(found.specular)),
-        to_light=ways,
-        strength=power / brightest,
-        sky=sky / brightest,
+    few = found._replace(to_light=ways, strength=power, sky=sky)
+    return brightened(few, white / max(float(facing.max()) + sky, 1e-9))
+
+
+def brightened(looks: Appearance, gain: float) -> Appearance:
+    """Return the same products of colour and light, with so much more light."""
+    return looks._replace(
+        colour=as_colour(np.asarray(looks.colour) / gain),
+        specular=as_colour(np.asarray(looks.specular) / gain),
+        strength=gain * looks.strength,
+        sky=gain * looks.sky,
     )

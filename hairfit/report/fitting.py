@@ -142,6 +142,7 @@ def looks_in_report(looks: Appearance) -> dict[str, Any]:
         "linear_rgb": looks.colour,
         "specular": looks.specular,
         "shininess": looks.shininess,
+        "skin": looks.skin,
         "lights": [
             {"towards": way, "strength": strength}
             for way, strength in zip(looks.to_light, looks.strength, strict=True)

@@ -80,7 +80,8 @@ def draw_again(
     scene: Scene, looks: Appearance, cameras: Sequence[Camera]
 ) -> list[UInt8[np.ndarray, "height width 3"]]:
     """Return the photographs drawn again: in their light, as bright as each was."""
-    lit = dataclasses.replace(scene, lights=looks.lights, sky=(looks.sky,) * 3)
+    sky, skin = (looks.sky,) * 3, looks.skin or scene.skin
+    lit = dataclasses.replace(scene, lights=looks.lights, sky=sky, skin=skin)
     gains = [float(gain) for gain in looks.exposure]
     paper = [Background((PAPER / gain, PAPER / gain, PAPER / gain)) for gain in gains]
     shots = [Shot("again", *one) for one in zip(cameras, paper, strict=True)]

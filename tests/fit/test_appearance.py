@@ -12,9 +12,11 @@ from hairfit.fit.appearance import (
     WHITE,
     Appearance,
     Lit,
+    brightened,
     exposures,
     find_appearance,
     least_squares,
+    skin_colour,
     smoothed,
     solve,
     tidied,
@@ -152,6 +154,47 @@ def test_colour_and_light_of_photographs_are_found(photographs):
     key = KEY / np.linalg.norm(KEY)
     assert mean @ key / np.linalg.norm(mean) > np.cos(np.radians(35.0))
     assert np.allclose(found.exposure, 1.0, atol=0.1)
+
+
+def test_the_colour_of_a_bare_head_is_found_in_known_light():
+    skin = (0.5, 0.35, 0.25)
+    light = DistantLight(jnp.asarray(KEY), jnp.full(3, 0.7))
+    scene = Scene(
+        np.zeros((0, 2, 3)),
+        head=ball(),
+        skin=skin,
+        lights=(light,),
+        sky=(0.1, 0.1, 0.1),
+    )
+    pictures, sights = Pictures(scene), []
+    for k, camera in enumerate(ring(3)):
+        image = 1.5 * np.asarray(pictures.draw_linear(camera), np.float64)[..., :3]
+        view = View(f"{k:02}", camera, image, np.zeros(image.shape[:2], bool))
+        sights.append(Sight(view, mesh_depth(ball(), camera)))
+    looks = Appearance(
+        (0.2, 0.1, 0.05), (0.0, 0.0, 0.0), 8.0, KEY[None], np.array([0.7]), 0.1,
+        np.full(3, 1.5), 0.1,
+    )  # fmt: skip
+    found = skin_colour(looks, sights, scene)
+    assert found is not None and np.allclose(found, skin, rtol=0.03)
+    bare = dataclasses.replace(scene, head=None)
+    assert skin_colour(looks, sights, bare) is None
+    all_hair = [
+        Sight(dataclasses.replace(view, hair=np.ones_like(view.hair)), behind)
+        for view, behind in sights
+    ]
+    assert skin_colour(looks, all_hair, scene) is None
+
+
+def test_more_light_and_less_colour_are_the_same_picture():
+    looks = Appearance(
+        (0.2, 0.1, 0.05), (0.1, 0.2, 0.3), 8.0, KEY[None], np.array([0.7]), 0.1,
+        np.ones(1), 0.1,
+    )  # fmt: skip
+    found = brightened(looks, 2.0)
+    assert np.allclose(np.array(found.colour) * 2.0, looks.colour)
+    assert np.allclose(np.array(found.specular) * 2.0, looks.specular)
+    assert np.allclose(found.strength, 1.4) and np.isclose(found.sky, 0.2)
 
 
 @pytest.mark.slow
