@@ -59,11 +59,16 @@ class Shapes(NamedTuple):
 def compiling_ahead() -> Iterator[Callable[..., None]]:
     """Give a function that calls others beside what the context does, in their order.
 
-    The context ends when they are done as well.
+    The context ends when they are done as well; where it fails, those that wait are
+    left out.
     """
     with ThreadPoolExecutor(1) as beside:
         calls: list[Future[None]] = []
-        yield lambda *call: calls.append(beside.submit(*call))
+        try:
+            yield lambda *call: calls.append(beside.submit(*call))
+        except BaseException:
+            beside.shutdown(wait=False, cancel_futures=True)
+            raise
         for call in calls:
             call.result()
 

@@ -46,6 +46,23 @@ def test_what_fails_ahead_is_not_lost():
         ahead(fail)
 
 
+def test_what_waits_is_left_out_where_the_work_fails():
+    begun, go, said = threading.Event(), threading.Event(), []
+
+    def first():
+        begun.set()
+        go.wait(10)
+        said.append("first")
+
+    with pytest.raises(KeyError), compiling_ahead() as ahead:
+        ahead(first)
+        ahead(said.append, "second")
+        begun.wait(10)
+        threading.Timer(0.2, go.set).start()
+        raise KeyError("no hair")
+    assert said == ["first"]
+
+
 def test_growing_compiles_nothing_anew():
     compile_growth(321, (123,))
     before = programs(sample_roots, points_on, normals_on)
