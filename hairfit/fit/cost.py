@@ -39,8 +39,8 @@ class Rate(NamedTuple):
 # On two cores, by `benchmarks/cost.py`.
 RATES: dict[Quality, Rate] = {
     "draft": Rate(52.0, 4.5, 36.0, 2.0, 0.05),
-    "normal": Rate(78.0, 6.0, 38.0, 1.4, 0.11),
-    "high": Rate(230.0, 12.0, 45.0, 1.5, 0.14),
+    "normal": Rate(88.0, 5.4, 40.0, 2.2, 0.06),
+    "high": Rate(245.0, 10.0, 48.0, 2.3, 0.07),
 }
 # A machine may be this much slower than the one of the rates before a limit is broken.
 SAFETY = 1.15

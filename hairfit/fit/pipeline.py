@@ -94,7 +94,7 @@ PRESETS = {
         2,
         120,
         12,
-        RefineConfig(rounds=1, steps=15, strands=1200, points=16),
+        RefineConfig(rounds=1, steps=30, strands=1200, points=16),
     ),
     "normal": Preset(0.003, 8000, 3, 400, 16, RefineConfig()),
     "high": Preset(

@@ -34,6 +34,8 @@ from .residuals import (
 )
 from .volume import Gaps, HairVolume, field_loss, find_gaps, gap_loss, head_loss
 
+FULL_PACE = 0.015  # metres between knots, from which on they move at the full rate
+LEAST_PACE = 0.1
 SHORTEST = 1e-4  # metres: a piece of a strand counts as no shorter
 
 
@@ -276,6 +278,17 @@ move = jax.jit(moved)
 """`moved`, compiled."""
 
 
+def paces(cylinder: GeneralizedCylinder) -> Float[Array, " clusters"]:
+    """Return by what share of the rates each cluster moves in a step.
+
+    Adam goes at its rate however weak a gradient is. Knots that are nearer to each
+    other than a few steps would be thrown into disorder.
+    """
+    ways = jnp.diff(cylinder.skeleton, axis=1)
+    apart = jnp.mean(jnp.sqrt(jnp.sum(ways**2, axis=2) + SHORTEST**2), axis=1)
+    return jnp.clip(apart / FULL_PACE, LEAST_PACE, 1.0)
+
+
 def stretched(
     before: Float[Array, "strands knots 3"], after: Float[Array, "strands knots 3"]
 ) -> Float[Array, "strands segments"]:
@@ -347,6 +360,7 @@ def descend(
         found += config.gap * gap_loss(strands, given.gaps)
         return found + head_loss(strands, problem.volume.head) + 0.1 * prior
 
+    pace = paces(problem.cylinder)
     optimizer = optax.partition(
         {
             "metres": optax.adam(config.rate, b1=0.8, b2=0.95),
@@ -361,7 +375,11 @@ def descend(
         # Adam's bias correction takes a power of a float by an integer.
         with jax.numpy_dtype_promotion("standard"):
             updates, memory = optimizer.update(gradient, memory)
-        return jax.tree.map(jnp.add, moves, updates), memory
+
+        def add(move, update):
+            return move + update * pace.reshape(-1, *[1] * (update.ndim - 1))
+
+        return jax.tree.map(add, moves, updates), memory
 
     # How many is no part of the program: to compile it, take none.
     return jax.lax.fori_loop(0, steps, step, (moves, optimizer.init(moves)))[0]

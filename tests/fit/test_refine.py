@@ -8,6 +8,8 @@ from jax.test_util import check_grads
 
 from hairfit.fit.evidence import Field
 from hairfit.fit.refine import (
+    FULL_PACE,
+    LEAST_PACE,
     Moves,
     Photographs,
     Problem,
@@ -17,6 +19,7 @@ from hairfit.fit.refine import (
     ancestors,
     carry,
     moved,
+    paces,
     refine,
     stretched,
 )
@@ -219,6 +222,17 @@ def test_segments_are_stretched_by_how_much_longer_they_are():
     expected = np.zeros((5, 8))
     expected[2, 7] = 1.0
     assert np.allclose(stretched(strands, one_longer), expected, atol=1e-6)
+
+
+def test_clusters_of_close_knots_move_slowly(tree):
+    straight = jnp.linspace(0.0, 1.0, KNOTS)[:, None] * jnp.array([[0.0, 1.0, 0.0]])
+    lengths = np.array([1e-6, 0.02, 0.05, 0.07, 0.2, 1.0])
+    skeleton = jnp.asarray(lengths)[:, None, None] * straight[None]
+    cylinder = eqx.tree_at(lambda c: c.skeleton, tree.cylinder, skeleton)
+    apart = lengths / (KNOTS - 1)
+    expected = np.clip(apart / FULL_PACE, LEAST_PACE, 1.0)
+    assert expected.min() == LEAST_PACE and expected.max() == 1.0
+    assert np.allclose(paces(cylinder), expected, rtol=1e-3)
 
 
 def test_a_displaced_tree_comes_back(tree, scene):
