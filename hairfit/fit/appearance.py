@@ -19,7 +19,7 @@ from ..capture.capture import View
 from ..evaluate.visibility import Sight
 from ..render.lights import DistantLight
 from ..render.lit import head_radiance, light_at, number
-from ..render.raster import cells, project_points, rasterise
+from ..render.raster import cells, project_points, rasterise, unit
 from ..render.scene import OUTSIDE, Colour, HairLook, Scene, head_places
 from ..render.shading import Fibre, kajiya_kay
 from ..render.shadow_style import ShadowStyle
@@ -146,8 +146,8 @@ def find_appearance(
     if skin is None:
         return looks
     # More light, where a head would otherwise have to send back more than skin does.
-    looks = brightened(looks, max(1.0, max(skin) / LIGHTEST_SKIN))
-    return looks._replace(skin=skin_colour(looks, sights, scene))
+    more = max(1.0, max(skin) / LIGHTEST_SKIN)
+    return brightened(looks._replace(skin=skin), more)
 
 
 def light_pixels(
@@ -233,11 +233,6 @@ def _sent(tangents, ways, eyes):
     plain = jnp.ones(())
     diffuse = term(Fibre(none, one, none, plain))
     return diffuse, term(Fibre(none, none, one, plain))
-
-
-def unit(v: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Return vectors of length 1; 0 for 0."""
-    return v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12)
 
 
 def smoothed(view: View) -> Float[np.ndarray, "height width 3"]:
@@ -364,4 +359,5 @@ def brightened(looks: Appearance, gain: float) -> Appearance:
         specular=as_colour(np.asarray(looks.specular) / gain),
         strength=gain * looks.strength,
         sky=gain * looks.sky,
+        skin=None if looks.skin is None else as_colour(np.asarray(looks.skin) / gain),
     )

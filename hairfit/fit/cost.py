@@ -36,7 +36,8 @@ class Rate(NamedTuple):
     memory_per_area: float
 
 
-# On two cores, by `benchmarks/cost.py`.
+# On two cores: `draft` by `benchmarks/cost.py`, the others estimated from single fits
+# of eight photographs by `benchmarks/accuracy.py`, on the safe side.
 RATES: dict[Quality, Rate] = {
     "draft": Rate(52.0, 4.5, 36.0, 2.0, 0.05),
     "normal": Rate(88.0, 5.4, 40.0, 2.2, 0.06),

@@ -4,12 +4,12 @@ import dataclasses
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from ..capture.capture import Capture, View
 from ..capture.orientation import OrientationMap, estimate_orientation
@@ -18,7 +18,7 @@ from ..errors import InputError
 from ..evaluate.shape import strand_lengths
 from ..evaluate.visibility import Sight, even_strands
 from ..io.tree import load_tree, round_tree, save_tree
-from ..model.maps import even_maps
+from ..model.maps import ScalpMaps, even_maps
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp, normals_on, points_on, sample_roots
 from ..model.tree import HairTree, leaves, levels
@@ -198,7 +198,7 @@ def fit_capture(
     looks = _looks(hair, first.shots, head, config.seed)
     if looks is not None:
         maps = even_maps(TEXELS, TEXELS, colour=looks.colour)
-        tree = round_tree(dataclasses.replace(tree, maps=jax.tree.map(single, maps)))
+        tree = round_tree(dataclasses.replace(tree, maps=single(maps)))
     parent = np.asarray(tree.parent)
     figures = {
         "quality": quality,
@@ -425,7 +425,7 @@ def _tree(
     count = min(preset.leaves, len(uv) // STRANDS_A_LEAF)
     found = gather_levels(rooted, count, gathering)
     fitted = fit_levels(scalp, rooted, found, gathering.steps)
-    tree = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), fitted.tree)
+    tree = single(fitted.tree)
     if store.folder is not None:
         save_tree(store.path("tree.hairtree"), tree, exact=True)
         store.save("cylinders", {"error": np.array(fitted.error)})
@@ -448,9 +448,12 @@ def _looks(hair: Derived, shots: Shots, head: Mesh, seed: int) -> Appearance | N
     return found._replace(exposure=exposure)
 
 
-def single(values: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return an array in single precision, as trees of fits are."""
-    return values.astype(jnp.float32)
+Module = TypeVar("Module", HairTree, ScalpMaps)
+
+
+def single(module: Module) -> Module:
+    """Return a module in single precision, as trees of fits are."""
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), module)
 
 
 def _samples(tree: HairTree, preset: Preset, config: FitConfig) -> Samples:

@@ -46,8 +46,6 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     sights = map(Sight, fitted.views, fitted.depths)
     step = -(-len(points) // DRAWN)
     some, owner = points[::step], fitted.owner[::step]
-    compared = map(lambda *one: page_of(points, *one), sights, fitted.maps)
-    pages, errors = zip(*compared, strict=True)
     cameras = [small(view.camera) for view in fitted.views]
     turns = orbit_cameras(points, TURNS, TURNTABLE_SIZE)
     scene = preview_scene(some, capture.head)
@@ -58,10 +56,8 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
         scene = dataclasses.replace(scene, look=look)
         again = draw_again(scene, fitted.looks, cameras)
     frames = draw_preview(scene, turns)
-    pages = [
-        dataclasses.replace(page, again=picture[window_of(view, picture)])
-        for page, picture, view in zip(pages, again, fitted.views, strict=True)
-    ]
+    compared = map(lambda *one: page_of(points, *one), sights, fitted.maps, again)
+    pages, errors = zip(*compared, strict=True)
     sure = certainty_pictures(some, owner, fitted.tree.confidence, capture.head)
     photographs = {one.name: one.to_dict() for one in errors}
     names = [page.name for page in pages]
@@ -109,9 +105,12 @@ class Compared(NamedTuple):
 
 
 def page_of(
-    points: Float[np.ndarray, "strands knots 3"], sight: Sight, found: OrientationMap
+    points: Float[np.ndarray, "strands knots 3"],
+    sight: Sight,
+    found: OrientationMap,
+    again: UInt8[np.ndarray, "height width 3"],
 ) -> Compared:
-    """Return what a report shows of one photograph."""
+    """Return what a report shows of one photograph, and of it drawn again."""
     view = sight.view
     raster = rasterise(points, view.camera, mesh_depth=sight.behind)
     errors = compare_with_photograph(points, sight, found=found, drawn=raster)
@@ -122,6 +121,7 @@ def page_of(
         orientation_picture(found, view.hair)[window],
         overlay_picture(view, raster)[window],
         in_words(errors),
+        again[window_of(view, again)],
     )
     return Compared(page, errors)
 

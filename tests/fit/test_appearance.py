@@ -191,7 +191,9 @@ def test_more_light_and_less_colour_are_the_same_picture():
         (0.2, 0.1, 0.05), (0.1, 0.2, 0.3), 8.0, KEY[None], np.array([0.7]), 0.1,
         np.ones(1), 0.1,
     )  # fmt: skip
-    found = brightened(looks, 2.0)
+    assert brightened(looks, 2.0).skin is None
+    found = brightened(looks._replace(skin=(0.8, 0.6, 0.4)), 2.0)
+    assert found.skin is not None and np.allclose(found.skin, (0.4, 0.3, 0.2))
     assert np.allclose(np.array(found.colour) * 2.0, looks.colour)
     assert np.allclose(np.array(found.specular) * 2.0, looks.specular)
     assert np.allclose(found.strength, 1.4) and np.isclose(found.sky, 0.2)
