@@ -23,9 +23,10 @@ from ..model.ownership import find_owner
 from ..model.scalp import Scalp, normals_on, points_on, sample_roots
 from ..model.tree import HairTree, leaves, levels
 from ..render.raster import mesh_depth
-from ..types import Mesh, Strands
+from ..types import Mesh, Strands, resample_paths
 from .ahead import Shapes, compile_growth, compile_refinement, compiling_ahead
 from .appearance import Appearance, find_appearance
+from .branches import with_branches
 from .checkpoint import Checkpoint
 from .confidence import ConfidenceConfig, with_confidence
 from .consistency import carve_by_direction
@@ -35,19 +36,20 @@ from .density import TEXELS
 from .derive import Derived, derive_hair, with_spare
 from .evidence import Field, diffuse, gather
 from .flow import hair_flow
-from .gather import Rooted
+from .gather import Rooted, gather_strands
 from .grow import GrowConfig, grow
 from .hull import Hull, carve
 from .prune import prune
 from .refine import Photographs, RefineConfig, Samples, refine
 from .residuals import photo_maps
+from .settle import settled
 from .suspects import Doubt, find_suspects
 from .treeify import (
     STRANDS_A_LEAF,
     TreeifyConfig,
     fit_levels,
-    gather_levels,
     level_sizes,
+    levels_above,
     on_scalp,
 )
 from .trust import Trusted, mute_clipped, without_suspects
@@ -107,6 +109,7 @@ PRESETS = {
     ),
 }
 STRAND_POINTS = 40
+GROWN_POINTS = 40  # of a strand as it grows, before it gets the knots of a skeleton
 LIT = 6000  # strands whose light is compared with photographs
 
 
@@ -205,6 +208,7 @@ def fit_capture(
         "voxels": int(hull.hair.sum()),
         "voxel_mm": 1e3 * hull.grid.spacing,
         "grown_strands": first.grown,
+        "branches": first.branches,
         "levels": len(levels(tree)),
         "root_clusters": int((parent < 0).sum()),
         "leaf_clusters": len(leaves(tree)),
@@ -251,6 +255,7 @@ class First(NamedTuple):
         tree: The tree of the grown strands.
         error: How far it is from them, in metres.
         grown: How many they were.
+        branches: How many more there were for what they left empty.
     """
 
     shots: Shots
@@ -261,6 +266,7 @@ class First(NamedTuple):
     tree: HairTree
     error: float
     grown: int
+    branches: int
 
 
 def _first_tree(
@@ -298,7 +304,9 @@ def _first_tree(
         uv, grown = _grow(hull, field, scalp, preset, config, store)
         progress("fitting cylinders", 0.5)
         tree, error = _tree(scalp, uv, grown, preset, config, store)
-    return First(shots, maps, all_maps, hull, field, tree, error, len(grown))
+    roots = len(np.unique(uv, axis=0))
+    branches = len(uv) - roots
+    return First(shots, maps, all_maps, hull, field, tree, error, roots, branches)
 
 
 def _trusted(views: Sequence[View], head: Mesh, store: Checkpoint) -> Shots:
@@ -391,10 +399,15 @@ def _grow(
         normals = np.asarray(normals_on(scalp, uv), np.float64)
         step = GrowConfig(step=max(0.003, 0.8 * preset.spacing))
         flow = hair_flow(hull, field, roots)
-        strands = grow(hull, field, flow, roots, normals, preset.knots, step)
-        length = np.linalg.norm(np.diff(strands, axis=1), axis=2).sum(axis=1)
-        some = length > SHORTEST
-        saved = {"uv": np.asarray(uv, np.float64)[some], "strands": strands[some]}
+        strands = grow(hull, field, flow, roots, normals, GROWN_POINTS, step)
+        some = np.linalg.norm(np.diff(strands, axis=1), axis=2).sum(axis=1) > SHORTEST
+        uv, strands = np.asarray(uv, np.float64)[some], strands[some]
+        if some.any():
+            strands, origin = with_branches(
+                hull, field, flow, strands, step, config.seed
+            )
+            uv, strands = uv[origin], resample_paths(strands, preset.knots)
+        saved = {"uv": uv, "strands": strands}
         store.save("grown", saved)
     if len(saved["uv"]) < FEWEST_GROWN:
         raise InputError(
@@ -423,7 +436,9 @@ def _tree(
         preset.leaves, preset.levels, preset.knots, seed=config.seed
     )
     count = min(preset.leaves, len(uv) // STRANDS_A_LEAF)
-    found = gather_levels(rooted, count, gathering)
+    label = gather_strands(rooted, count, rounds=gathering.rounds, seed=gathering.seed)
+    rooted, label = settled(scalp, rooted, label, preset.guides, config.seed)
+    found = levels_above(rooted, label, gathering)
     fitted = fit_levels(scalp, rooted, found, gathering.steps)
     tree = single(fitted.tree)
     if store.folder is not None:

@@ -204,6 +204,13 @@ def on_scalp(scalp: Scalp, uv: Float[Array, "points 2"]) -> Ground:
 def gather_levels(rooted: Rooted, leaves: int, config: TreeifyConfig) -> Levels:
     """Return so many leaves, at most, and the clusters above, gathered from below."""
     label = gather_strands(rooted, leaves, rounds=config.rounds, seed=config.seed)
+    return levels_above(rooted, label, config)
+
+
+def levels_above(
+    rooted: Rooted, label: Int[np.ndarray, " strands"], config: TreeifyConfig
+) -> Levels:
+    """Return leaves, given the leaf of each strand without gaps, and what is above."""
     labels, maps, above = [label], [robust_maps(rooted, label)], []
     sizes = level_sizes(len(maps[0].middle), config.levels)
     for wanted in reversed(sizes[:-1]):

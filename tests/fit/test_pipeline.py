@@ -14,6 +14,7 @@ from hairfit.fit.refine import RefineConfig
 from hairfit.model.tree import leaves, levels
 from hairfit.render import mesh_depth, rasterise
 from hairfit.synthetic.head import make_head, make_scalp
+from hairfit.synthetic.picture import Look
 from hairfit.synthetic.scene import Scene, write_capture
 from hairfit.synthetic.styles import make_style
 
@@ -78,6 +79,7 @@ def test_the_tree_has_its_levels_and_its_figures_are_right(fitted):
     assert figures["leaf_clusters"] == len(leaves(tree)) <= COARSE.leaves
     assert figures["voxel_mm"] >= 8.0
     assert figures["grown_strands"] <= COARSE.guides
+    assert 0 < figures["branches"] <= 0.25 * COARSE.guides + 2
     points = strands_of(result)
     lengths = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
     assert np.isclose(figures["median_length_mm"], 1e3 * np.median(lengths), rtol=1e-5)
@@ -97,15 +99,15 @@ def test_the_tree_says_how_sure_its_clusters_are(fitted):
 
 
 @pytest.mark.slow
-def test_the_tree_has_the_colour_of_the_photographs(fitted, capture):
+def test_the_tree_has_the_colour_of_the_hair(fitted, capture):
     result, _ = fitted
     looks, maps = result.looks, result.tree.maps
     assert looks is not None and maps is not None
     assert np.allclose(maps.colour, np.array(looks.colour), atol=2.0**-12)
     assert looks.exposure.shape == (len(capture.views),)
-    shown = np.mean([view.image[view.hair].mean(axis=0) for view in capture.views], 0)
-    colour = np.array(looks.colour)
-    assert np.allclose(colour / colour.sum(), shown / shown.sum(), atol=0.06)
+    # How bright it is, photographs do not say. Highlights are no part of the colour.
+    colour, true = np.array(looks.colour), np.array(Look().hair)
+    assert np.allclose(colour / colour.sum(), true / true.sum(), atol=0.03)
 
 
 @pytest.mark.slow

@@ -1,0 +1,157 @@
+"""Strands for what grown ones left empty: they branch off where hair comes from.
+
+Strands that run side by side stay side by side. What passes a tie comes out of it as
+thin as it went in, and of the tail behind it most stays empty, though the flow fills
+it. So from empty places one goes up the flow until a strand is met that runs the same
+way, and down to the tip: a strand that shares the root of the one it was met by.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy import ndimage
+from scipy.spatial import KDTree
+
+from ..types import resample_paths
+from .evidence import Field
+from .grow import GrowConfig, grow
+from .hull import Hull
+
+DEEP = 1.0  # voxels within the hull: what lies nearer to its border may be no hair
+EMPTY = 1.5  # voxels from any strand from which on a place is empty
+MEET = 1.5  # voxels at which a path meets a strand
+SAME = 0.7  # cosine of the angle between the two
+CLOSEST = 24  # points of strands that a path looks at
+ROUNDS = 2
+SEEDS = 0.125  # empty places that are tried in a round, as a share of the strands
+FINE = 150  # points of a path
+SMOOTH = 4.0  # points over which a branch leaves its strand
+
+
+class Branched(NamedTuple):
+    """Strands, and by number the grown one whose root each has."""
+
+    strands: Float[np.ndarray, "strands knots 3"]
+    origin: Int[np.ndarray, " strands"]
+
+
+def with_branches(
+    hull: Hull,
+    field: Field,
+    flow: Float[np.ndarray, "x y z 3"],
+    strands: Float[np.ndarray, "strands knots 3"],
+    config: GrowConfig,
+    seed: int,
+) -> Branched:
+    """Return grown strands, and after them others through what they left empty.
+
+    Args:
+        hull: Where hair can be.
+        field: Directions without sign.
+        flow: Unit direction of growth in every voxel, from `flow.hair_flow`.
+        strands: The grown strands, root first, in metres.
+        config: How they were grown.
+        seed: Of the places that are tried.
+    """
+    rng = np.random.default_rng(seed)
+    found, origin = strands, np.arange(len(strands))
+    count = int(np.ceil(SEEDS * len(strands)))
+    for _ in range(ROUNDS):
+        paths = resample_paths(found, FINE)
+        near = KDTree(paths.reshape(-1, 3))
+        empty = empty_places(hull, near)
+        if not len(empty):
+            break
+        # As many each time: no other program for each number.
+        start = empty[rng.choice(len(empty), count, replace=len(empty) < count)]
+        start = start + rng.uniform(-0.5, 0.5, start.shape) * hull.grid.spacing
+        still = np.zeros_like(start)
+        down = grow(hull, field, flow, start, still, FINE, config)
+        up = grow(hull, field, -flow, start, still, FINE, config)
+        met = meetings(paths, near, up, MEET * hull.grid.spacing)
+        some = np.flatnonzero(met.strand >= 0)
+        if not len(some):
+            break
+        limbs = [
+            np.concatenate(
+                [
+                    paths[met.strand[k], : met.at[k] + 1],
+                    up[k, : met.step[k] + 1][::-1],
+                    down[k, 1:],
+                ]
+            )
+            for k in some
+        ]
+        limbs = [resample_paths(limb[None], FINE)[0] for limb in limbs]
+        smooth = ndimage.gaussian_filter1d(np.array(limbs), SMOOTH, 1, mode="nearest")
+        smooth[:, 0] = paths[met.strand[some], 0]
+        branches = resample_paths(smooth, strands.shape[1])
+        found = np.concatenate([found, branches])
+        origin = np.concatenate([origin, origin[met.strand[some]]])
+    return Branched(found, origin)
+
+
+def empty_places(hull: Hull, near: KDTree) -> Float[np.ndarray, "places 3"]:
+    """Return the middles of voxels within the hull that no strand comes near.
+
+    Args:
+        hull: Where hair can be.
+        near: Points of the strands, closer to each other than voxels.
+    """
+    spacing = hull.grid.spacing
+    middles = hull.grid.centres(hull.hair & (hull.distance <= -DEEP * spacing))
+    away = near.query(middles, distance_upper_bound=EMPTY * spacing)[0]
+    return middles[~np.isfinite(away)]
+
+
+class Meetings(NamedTuple):
+    """Where paths up the flow first meet a strand that runs the same way.
+
+    Attributes:
+        strand: The strand; -1 for paths that meet none.
+        at: The point of the strand.
+        step: The point of the path.
+    """
+
+    strand: Int[np.ndarray, " paths"]
+    at: Int[np.ndarray, " paths"]
+    step: Int[np.ndarray, " paths"]
+
+
+def meetings(
+    strands: Float[np.ndarray, "strands points 3"],
+    near: KDTree,
+    up: Float[np.ndarray, "paths steps 3"],
+    reach: float,
+) -> Meetings:
+    """Return where paths that run towards roots meet strands.
+
+    Args:
+        strands: The strands, root first, in metres.
+        near: Their points, strand by strand.
+        up: The paths.
+        reach: How close is met, in metres.
+    """
+    points = strands.shape[1]
+    away, index = near.query(up, k=CLOSEST, distance_upper_bound=reach)
+    close = np.isfinite(away)
+    index = np.where(close, index, 0)
+    ahead = tangents(strands).reshape(-1, 3)[index]
+    same: Bool[np.ndarray, "paths steps points"]
+    same = np.einsum("psx,pskx->psk", -tangents(up), ahead) > SAME
+    away = np.where(close & same, away, np.inf)
+    best = away.argmin(axis=2)
+    step = np.isfinite(away.min(axis=2)).argmax(axis=1)
+    row = np.arange(len(up))
+    chosen = row, step, best[row, step]
+    strand, at = np.divmod(index[chosen], points)
+    return Meetings(np.where(np.isfinite(away[chosen]), strand, -1), at, step)
+
+
+def tangents(
+    lines: Float[np.ndarray, "lines points 3"],
+) -> Float[np.ndarray, "lines points 3"]:
+    """Return unit tangents of polylines; 0 where a line stands still."""
+    steps = np.gradient(lines, axis=1)
+    return steps / np.maximum(np.linalg.norm(steps, axis=2, keepdims=True), 1e-12)
