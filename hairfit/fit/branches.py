@@ -9,7 +9,7 @@ way, and down to the tip: a strand that shares the root of the one it was met by
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy import ndimage
 from scipy.spatial import KDTree
 
@@ -24,7 +24,8 @@ MEET = 1.5  # voxels at which a path meets a strand
 SAME = 0.7  # cosine of the angle between the two
 CLOSEST = 24  # points of strands that a path looks at
 ROUNDS = 2
-SEEDS = 0.125  # empty places that are tried in a round, as a share of the strands
+SEEDS = 0.125  # empty places tried in a round, for each strand; in whole batches
+BATCH = 128
 FINE = 150  # points of a path
 SMOOTH = 4.0  # points over which a branch leaves its strand
 
@@ -56,14 +57,14 @@ def with_branches(
     """
     rng = np.random.default_rng(seed)
     found, origin = strands, np.arange(len(strands))
-    count = int(np.ceil(SEEDS * len(strands)))
+    # Rounded up, or each number of strands would be compiled anew.
+    count = BATCH * int(np.ceil(SEEDS * len(strands) / BATCH))
     for _ in range(ROUNDS):
         paths = resample_paths(found, FINE)
         near = KDTree(paths.reshape(-1, 3))
         empty = empty_places(hull, near)
         if not len(empty):
             break
-        # As many each time: no other program for each number.
         start = empty[rng.choice(len(empty), count, replace=len(empty) < count)]
         start = start + rng.uniform(-0.5, 0.5, start.shape) * hull.grid.spacing
         still = np.zeros_like(start)
@@ -73,20 +74,7 @@ def with_branches(
         some = np.flatnonzero(met.strand >= 0)
         if not len(some):
             break
-        limbs = [
-            np.concatenate(
-                [
-                    paths[met.strand[k], : met.at[k] + 1],
-                    up[k, : met.step[k] + 1][::-1],
-                    down[k, 1:],
-                ]
-            )
-            for k in some
-        ]
-        limbs = [resample_paths(limb[None], FINE)[0] for limb in limbs]
-        smooth = ndimage.gaussian_filter1d(np.array(limbs), SMOOTH, 1, mode="nearest")
-        smooth[:, 0] = paths[met.strand[some], 0]
-        branches = resample_paths(smooth, strands.shape[1])
+        branches = resample_paths(joined(paths, up, down, met, some), strands.shape[1])
         found = np.concatenate([found, branches])
         origin = np.concatenate([origin, origin[met.strand[some]]])
     return Branched(found, origin)
@@ -135,18 +123,43 @@ def meetings(
     """
     points = strands.shape[1]
     away, index = near.query(up, k=CLOSEST, distance_upper_bound=reach)
-    close = np.isfinite(away)
-    index = np.where(close, index, 0)
+    index = np.where(np.isfinite(away), index, 0)
     ahead = tangents(strands).reshape(-1, 3)[index]
-    same: Bool[np.ndarray, "paths steps points"]
-    same = np.einsum("psx,pskx->psk", -tangents(up), ahead) > SAME
-    away = np.where(close & same, away, np.inf)
+    cosine = np.einsum("psx,pskx->psk", -tangents(up), ahead)
+    away = np.where(cosine > SAME, away, np.inf)
     best = away.argmin(axis=2)
     step = np.isfinite(away.min(axis=2)).argmax(axis=1)
     row = np.arange(len(up))
     chosen = row, step, best[row, step]
     strand, at = np.divmod(index[chosen], points)
     return Meetings(np.where(np.isfinite(away[chosen]), strand, -1), at, step)
+
+
+def joined(
+    strands: Float[np.ndarray, "strands points 3"],
+    up: Float[np.ndarray, "paths steps 3"],
+    down: Float[np.ndarray, "paths steps 3"],
+    met: Meetings,
+    some: Int[np.ndarray, " branches"],
+) -> Float[np.ndarray, "branches points 3"]:
+    """Return smooth strands: along one that was met, the way up to it, the way down.
+
+    Args:
+        strands: The strands, root first, in metres.
+        up: Paths from empty places towards roots.
+        down: Paths from the same places towards tips.
+        met: Where the paths up meet strands.
+        some: The paths that meet one.
+    """
+    lines = []
+    for path in some:
+        strand, at, step = met.strand[path], met.at[path], met.step[path]
+        parts = strands[strand, : at + 1], up[path, step::-1], down[path, 1:]
+        lines.append(resample_paths(np.concatenate(parts)[None], strands.shape[1]))
+    smooth = np.concatenate(lines)
+    smooth = ndimage.gaussian_filter1d(smooth, SMOOTH, axis=1, mode="nearest")
+    smooth[:, 0] = strands[met.strand[some], 0]
+    return smooth
 
 
 def tangents(

@@ -87,6 +87,8 @@ class Preset(NamedTuple):
     leaves: int
     knots: int
     refine: RefineConfig
+    settles: bool = True
+    """Whether clusters get pieces of scalp; a few large ones would move roots far."""
 
 
 PRESETS = {
@@ -97,6 +99,7 @@ PRESETS = {
         120,
         12,
         RefineConfig(rounds=1, steps=30, strands=1200, points=16),
+        settles=False,
     ),
     "normal": Preset(0.003, 8000, 3, 400, 16, RefineConfig()),
     "high": Preset(
@@ -437,7 +440,8 @@ def _tree(
     )
     count = min(preset.leaves, len(uv) // STRANDS_A_LEAF)
     label = gather_strands(rooted, count, rounds=gathering.rounds, seed=gathering.seed)
-    rooted, label = settled(scalp, rooted, label, preset.guides, config.seed)
+    if preset.settles:
+        rooted, label = settled(scalp, rooted, label, preset.guides, config.seed)
     found = levels_above(rooted, label, gathering)
     fitted = fit_levels(scalp, rooted, found, gathering.steps)
     tree = single(fitted.tree)

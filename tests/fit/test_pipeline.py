@@ -8,6 +8,7 @@ from hairfit.capture import Capture, load_capture
 from hairfit.capture.distance import signed_distance
 from hairfit.errors import InputError
 from hairfit.fit import FitConfig, fit_capture
+from hairfit.fit.branches import BATCH, ROUNDS
 from hairfit.fit.derive import derive_strands
 from hairfit.fit.pipeline import PRESETS, STRAND_POINTS, Preset
 from hairfit.fit.refine import RefineConfig
@@ -79,7 +80,7 @@ def test_the_tree_has_its_levels_and_its_figures_are_right(fitted):
     assert figures["leaf_clusters"] == len(leaves(tree)) <= COARSE.leaves
     assert figures["voxel_mm"] >= 8.0
     assert figures["grown_strands"] <= COARSE.guides
-    assert 0 < figures["branches"] <= 0.25 * COARSE.guides + 2
+    assert 0 < figures["branches"] <= ROUNDS * BATCH
     points = strands_of(result)
     lengths = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
     assert np.isclose(figures["median_length_mm"], 1e3 * np.median(lengths), rtol=1e-5)
