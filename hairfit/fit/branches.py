@@ -21,6 +21,7 @@ from .hull import Hull
 DEEP = 1.0  # voxels within the hull: what lies nearer to its border may be no hair
 EMPTY = 1.5  # voxels from any strand from which on a place is empty
 MEET = 1.5  # voxels at which a path meets a strand
+EASE = 3.0  # gaps between the two, over which a branch leaves its strand
 SAME = 0.7  # cosine of the angle between the two
 CLOSEST = 24  # points of strands that a path looks at
 ROUNDS = 2
@@ -98,7 +99,7 @@ class Meetings(NamedTuple):
 
     Attributes:
         strand: The strand; -1 for paths that meet none.
-        at: The point of the strand.
+        at: The point of the strand at which a branch leaves it.
         step: The point of the path.
     """
 
@@ -132,6 +133,10 @@ def meetings(
     row = np.arange(len(up))
     chosen = row, step, best[row, step]
     strand, at = np.divmod(index[chosen], points)
+    # Left where the way over to the path begins, not where the two are closest.
+    edge = np.linalg.norm(np.diff(strands[strand], axis=1), axis=2).mean(axis=1)
+    gap = np.where(np.isfinite(away[chosen]), away[chosen], 0.0)
+    at = np.maximum(at - np.rint(EASE * gap / np.maximum(edge, 1e-9)).astype(int), 0)
     return Meetings(np.where(np.isfinite(away[chosen]), strand, -1), at, step)
 
 
