@@ -53,12 +53,19 @@ class Mesh:
     faces: Int[np.ndarray, "faces 3"]
 
 
+def along_paths(
+    paths: Float[np.ndarray, "strands steps 3"],
+) -> Float[np.ndarray, "strands steps"]:
+    """Return the length of each polyline up to each of its points."""
+    lengths = np.linalg.norm(np.diff(paths, axis=1), axis=2)
+    return np.concatenate([np.zeros((len(paths), 1)), np.cumsum(lengths, axis=1)], 1)
+
+
 def resample_paths(
     paths: Float[np.ndarray, "strands steps 3"], knots: int
 ) -> Float[np.ndarray, "strands knots 3"]:
     """Return polylines with equal distances; repeated last points do no harm."""
-    lengths = np.linalg.norm(np.diff(paths, axis=1), axis=2)
-    along = np.concatenate([np.zeros((len(paths), 1)), np.cumsum(lengths, axis=1)], 1)
+    along = along_paths(paths)
     at = along[:, -1:] * np.linspace(0.0, 1.0, knots)
     # One search for all strands: each has its own interval of a common line.
     start = np.arange(len(paths))[:, None] * (along[:, -1].max(initial=0.0) + 1.0)

@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 from scipy import ndimage
 from scipy.spatial import KDTree
 
+from ..render.raster import unit
 from ..types import resample_paths
 from .evidence import Field
 from .grow import GrowConfig, grow
@@ -125,19 +126,22 @@ def meetings(
     points = strands.shape[1]
     away, index = near.query(up, k=CLOSEST, distance_upper_bound=reach)
     index = np.where(np.isfinite(away), index, 0)
-    ahead = tangents(strands).reshape(-1, 3)[index]
-    cosine = np.einsum("psx,pskx->psk", -tangents(up), ahead)
+    ahead = unit(np.gradient(strands, axis=1)).reshape(-1, 3)[index]
+    cosine = np.einsum("psx,pskx->psk", -unit(np.gradient(up, axis=1)), ahead)
     away = np.where(cosine > SAME, away, np.inf)
     best = away.argmin(axis=2)
     step = np.isfinite(away.min(axis=2)).argmax(axis=1)
     row = np.arange(len(up))
     chosen = row, step, best[row, step]
     strand, at = np.divmod(index[chosen], points)
+    gap = away[chosen]
+    meets = np.isfinite(gap)
     # Left where the way over to the path begins, not where the two are closest.
     edge = np.linalg.norm(np.diff(strands[strand], axis=1), axis=2).mean(axis=1)
-    gap = np.where(np.isfinite(away[chosen]), away[chosen], 0.0)
-    at = np.maximum(at - np.rint(EASE * gap / np.maximum(edge, 1e-9)).astype(int), 0)
-    return Meetings(np.where(np.isfinite(away[chosen]), strand, -1), at, step)
+    back = np.rint(EASE * np.where(meets, gap, 0.0) / np.maximum(edge, 1e-9))
+    return Meetings(
+        np.where(meets, strand, -1), np.maximum(at - back.astype(int), 0), step
+    )
 
 
 def joined(
@@ -165,11 +169,3 @@ def joined(
     smooth = ndimage.gaussian_filter1d(smooth, SMOOTH, axis=1, mode="nearest")
     smooth[:, 0] = strands[met.strand[some], 0]
     return smooth
-
-
-def tangents(
-    lines: Float[np.ndarray, "lines points 3"],
-) -> Float[np.ndarray, "lines points 3"]:
-    """Return unit tangents of polylines; 0 where a line stands still."""
-    steps = np.gradient(lines, axis=1)
-    return steps / np.maximum(np.linalg.norm(steps, axis=2, keepdims=True), 1e-12)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..render.raster import unit
 from .cluster import kmeans
 
 # What counts as error besides the mean square distance of a strand's knots: so many
@@ -166,8 +167,7 @@ def across(
 
     A generalized cylinder has no more than its cross-sections [Kim02, equation (4-4)].
     """
-    tangent = np.gradient(curve, axis=1)
-    tangent /= np.maximum(np.linalg.norm(tangent, axis=2, keepdims=True), 1e-12)
+    tangent = unit(np.gradient(curve, axis=1))
     along = np.einsum("gkx,gkxi->gki", tangent, slope)
     along[:, 0] = 0.0
     return slope - tangent[..., None] * along[:, :, None, :]

@@ -23,7 +23,7 @@ from ..model.ownership import find_owner
 from ..model.scalp import Scalp, normals_on, points_on, sample_roots
 from ..model.tree import HairTree, leaves, levels
 from ..render.raster import mesh_depth
-from ..types import Mesh, Strands, resample_paths
+from ..types import Mesh, Strands, along_paths, resample_paths
 from .ahead import Shapes, compile_growth, compile_refinement, compiling_ahead
 from .appearance import Appearance, find_appearance
 from .branches import with_branches
@@ -403,21 +403,17 @@ def _grow(
         step = GrowConfig(step=max(0.003, 0.8 * preset.spacing))
         flow = hair_flow(hull, field, roots)
         strands = grow(hull, field, flow, roots, normals, GROWN_POINTS, step)
-        some = np.linalg.norm(np.diff(strands, axis=1), axis=2).sum(axis=1) > SHORTEST
-        uv, strands = np.asarray(uv, np.float64)[some], strands[some]
-        if some.any():
-            strands, origin = with_branches(
-                hull, field, flow, strands, step, config.seed
+        some = along_paths(strands)[:, -1] > SHORTEST
+        if some.sum() < FEWEST_GROWN:
+            raise InputError(
+                f"only {some.sum()} of {preset.guides} strands grew from the scalp; "
+                "check that `head.obj` stands where the cameras see the head, and that "
+                "`masks/hair` hold the hair on it."
             )
-            uv, strands = uv[origin], resample_paths(strands, preset.knots)
-        saved = {"uv": uv, "strands": strands}
+        uv, strands = np.asarray(uv, np.float64)[some], strands[some]
+        strands, origin = with_branches(hull, field, flow, strands, step, config.seed)
+        saved = {"uv": uv[origin], "strands": resample_paths(strands, preset.knots)}
         store.save("grown", saved)
-    if len(saved["uv"]) < FEWEST_GROWN:
-        raise InputError(
-            f"only {len(saved['uv'])} of {preset.guides} strands grew from the scalp; "
-            "check that `head.obj` stands where the cameras see the head, and that "
-            "`masks/hair` hold the hair on it."
-        )
     return Grown(**saved)
 
 

@@ -18,6 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import KDTree
 
 from ..model.scalp import Scalp, sample_roots
+from ..types import along_paths
 from .gather import Rooted, numbered, regress_maps
 from .root_scalp import scalp_points
 from .treeify import on_scalp
@@ -108,13 +109,12 @@ def pieces(
             part /= part.sum(axis=1, keepdims=True)
             got = np.bincount(near.ravel(), part.ravel(), minlength=len(at))
             weight += blur * np.log(share / np.maximum(got, 1e-3 * share))
-        best = (weight[near] - away**2).argmax(axis=1)
-        piece = near[np.arange(len(places)), best]
         parts = [(part * axis[:, None]).ravel() for axis in places.T]
         total = np.stack([np.bincount(near.ravel(), p, len(at)) for p in parts], axis=1)
         mean = total / np.maximum(got, 1e-9)[:, None]
         at = 0.5 * (middles + np.where(got[:, None] > 1e-3 * share[:, None], mean, at))
-    return piece
+    best = (weight[near] - away**2).argmax(axis=1)
+    return near[np.arange(len(places)), best]
 
 
 def drawn(
@@ -158,8 +158,6 @@ def led_to(
         roots: Where they shall start, in metres.
     """
     moved = roots - strands[:, 0]
-    steps = np.linalg.norm(np.diff(strands, axis=1), axis=2)
-    along = np.concatenate([np.zeros((len(strands), 1)), np.cumsum(steps, axis=1)], 1)
     far = np.maximum(SOFTEST, REACH * np.linalg.norm(moved, axis=1, keepdims=True))
-    left = np.clip(1.0 - along / far, 0.0, 1.0)
+    left = np.clip(1.0 - along_paths(strands) / far, 0.0, 1.0)
     return strands + (left**2 * (3.0 - 2.0 * left))[..., None] * moved[:, None]

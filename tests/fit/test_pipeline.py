@@ -7,7 +7,7 @@ import pytest
 from hairfit.capture import Capture, load_capture
 from hairfit.capture.distance import signed_distance
 from hairfit.errors import InputError
-from hairfit.fit import FitConfig, fit_capture
+from hairfit.fit import FitConfig, fit_capture, pipeline
 from hairfit.fit.branches import BATCH, ROUNDS
 from hairfit.fit.derive import derive_strands
 from hairfit.fit.pipeline import PRESETS, STRAND_POINTS, Preset
@@ -85,6 +85,16 @@ def test_the_tree_has_its_levels_and_its_figures_are_right(fitted):
     lengths = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
     assert np.isclose(figures["median_length_mm"], 1e3 * np.median(lengths), rtol=1e-5)
     assert all(np.isfinite(np.asarray(x)).all() for x in jax.tree.leaves(tree))
+
+
+@pytest.mark.slow
+def test_hair_that_hardly_grows_is_refused_before_it_branches(capture, monkeypatch):
+    monkeypatch.setattr(pipeline, "FEWEST_GROWN", COARSE.guides + 1)
+    monkeypatch.setattr(pipeline, "with_branches", None)
+    with pytest.raises(
+        InputError, match=r"only \d+ of 600 strands grew from the scalp"
+    ):
+        fit_capture(capture, CONFIG)
 
 
 @pytest.mark.slow
