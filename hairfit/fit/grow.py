@@ -28,8 +28,6 @@ class GrowConfig:
     """No strand grows longer than this."""
     clearance: float = 0.0015
     """Strands keep so far from the skin."""
-    slide: float = 0.002
-    """Strands that leave the hull by more than this slide along it, or end."""
     steepest: float = 0.6
     """Cosine to the hull's normal from which leaving it is an end, no grazing."""
     stiffness: float = 0.3
@@ -128,9 +126,9 @@ def _trace(
         here = trilinear(channels, origin, spacing, goal)
         goal = goal + jnp.maximum(config.clearance - here[4], 0.0) * here[5:8]
         here = trilinear(channels, origin, spacing, goal)
-        leaves = here[0] > config.slide
+        leaves = here[0] > 0.0
         ends = leaves & (ahead @ here[1:4] > config.steepest)
-        goal = goal - jnp.where(leaves, here[0] - config.slide, 0.0) * here[1:4]
+        goal = goal - jnp.where(leaves, here[0], 0.0) * here[1:4]
         move = goal - point
         ends = ends | (move @ last < 0.3 * config.step)
         alive = alive & ~ends

@@ -22,7 +22,7 @@ ACROSS_GAPS = 2  # voxels on both sides of a gap over which pieces of hair are o
 LEAST_VOXELS = 50  # smaller pieces are noise of the masks
 MOST_VOXELS = 600_000  # beyond this the grid is made coarser
 WITNESSES = 0.25  # share of the views that must see hair there, not the head before it
-MASK_MARGIN = 2  # pixels: loose hair at the border of a mask is often lost
+MASK_MARGIN = 1  # pixel: a mask's border is known no better
 
 
 @dataclasses.dataclass(frozen=True)

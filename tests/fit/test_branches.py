@@ -66,10 +66,10 @@ def test_grown_strands_stay_and_branches_share_their_roots(bottle, straight):
     assert np.array_equal(found.origin[:count], np.arange(count))
     branch, origin = found.strands[count:], found.origin[count:]
     assert np.abs(branch[:, 0] - straight[origin, 0]).max() < 1e-12
-    # They run down, never back up, and stay in the hull but for what paths slide.
+    # They run down, never back up, and stay in the hull.
     assert (np.diff(branch[..., 1], axis=1) < 0.0).all()
     radius = np.hypot(branch[..., 0], branch[..., 2])
-    assert radius.max() < WIDE + CONFIG.slide + SPACING
+    assert radius.max() < WIDE + SPACING
 
 
 def test_the_same_seed_gives_the_same_branches(bottle, straight):
