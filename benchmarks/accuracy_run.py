@@ -18,6 +18,7 @@ import numpy as np
 
 import hairfit
 from hairfit.capture import load_capture
+from hairfit.evaluate.coverage import overlaps
 from hairfit.evaluate.photographs import compare_with_photograph
 from hairfit.evaluate.visibility import even_strands, look
 from hairfit.io.atomic import atomic_path
@@ -170,7 +171,8 @@ def do_run(run: Run, out: pathlib.Path) -> dict[str, float]:
         *("--quality", run.quality, "--seed", str(run.seed)),
     )
     found = call_hairfit("evaluate", str(result), str(run.capture)).found
-    held = photograph_errors(result, run.capture, held_back_views(run))
+    width = found["strand_width_m"]
+    held = photograph_errors(result, run.capture, held_back_views(run), width)
     figures = {
         **flat_figures({k: v for k, v in found.items() if k != "photographs"}),
         **photograph_means("fitted", found["photographs"]),
@@ -207,18 +209,26 @@ def result_folder(run: Run, out: pathlib.Path) -> pathlib.Path:
 
 
 def photograph_errors(
-    result: pathlib.Path, capture: pathlib.Path, names: Sequence[str]
+    result: pathlib.Path, capture: pathlib.Path, names: Sequence[str], width: float
 ) -> dict[str, dict[str, float | None]]:
-    """Return how a result fits photographs that it was not made from."""
+    """Return how a result fits photographs that it was not made from.
+
+    Args:
+        result: The result.
+        capture: The capture.
+        names: The photographs.
+        width: Of a strand, in metres, as it covers those best that it was made from.
+    """
     if not names:
         return {}
     loaded = load_capture(capture, names)
     drawn = even_strands(read_strands(result))
-    errors = [
-        compare_with_photograph(drawn, sight)
-        for sight in look(loaded.head, loaded.views)
-    ]
-    return {one.name: one.to_dict() for one in errors}
+    errors = {}
+    for sight in look(loaded.head, loaded.views):
+        covered = overlaps(drawn, sight, np.array([width]))
+        found = compare_with_photograph(drawn, sight)
+        errors[found.name] = found.to_dict() | {"covered_iou": float(covered[0])}
+    return errors
 
 
 def photograph_means(
@@ -226,7 +236,7 @@ def photograph_means(
 ) -> dict[str, float]:
     """Return the means over photographs, as far as they are known."""
     means = {}
-    for key in ("mean_angle_deg", "median_angle_deg", "hair_iou"):
+    for key in ("mean_angle_deg", "median_angle_deg", "hair_iou", "covered_iou"):
         known = [x for one in photographs.values() if (x := one[key]) is not None]
         if known:
             means[f"{title}.{key}"] = float(np.mean(known))

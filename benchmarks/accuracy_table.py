@@ -74,9 +74,13 @@ COLUMNS = (
     ),
     Column("points deeper than 1 mm", ("head.points_deeper_than_1mm",), 1.0, 0),
     Column("fitted: angle", ("fitted.median_angle_deg",), 1.0, 1, "°"),
-    Column("fitted: IoU", ("fitted.hair_iou",), 100.0),
+    Column("fitted: IoU, covered", ("fitted.hair_iou", "fitted.covered_iou"), 100.0),
     Column("held back: angle", ("held_back.median_angle_deg",), 1.0, 1, "°"),
-    Column("held back: IoU", ("held_back.hair_iou",), 100.0),
+    Column(
+        "held back: IoU, covered",
+        ("held_back.hair_iou", "held_back.covered_iou"),
+        100.0,
+    ),
     Column("seconds", ("seconds",), 1.0, 0),
     Column("memory, GB", ("memory_gb",)),
 )

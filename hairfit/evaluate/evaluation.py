@@ -10,6 +10,7 @@ from jaxtyping import Bool
 from ..capture.capture import View
 from ..types import Mesh, Strands
 from .consistency import strand_consistency
+from .coverage import Coverage, fit_width
 from .curls import CurlErrors, compare_curls
 from .inside import HeadErrors, compare_with_head
 from .match import THRESHOLDS, Matches, Rates, Score, find_matches, summarise
@@ -32,6 +33,7 @@ class Evaluation:
         curls: Waves and curls of both.
         head: How strands meet the head; None without a head.
         photographs: How strands fit each photograph; None without photographs.
+        coverage: How strands as wide as fits best cover each; None without them.
     """
 
     every: tuple[Score, ...]
@@ -42,6 +44,7 @@ class Evaluation:
     curls: CurlErrors
     head: HeadErrors | None
     photographs: tuple[PhotographErrors, ...] | None
+    coverage: Coverage | None
 
     def to_dict(self) -> dict[str, Any]:
         """Return all figures, ready for JSON: shares in [0, 1], metres, degrees."""
@@ -70,10 +73,18 @@ class Evaluation:
             "deepest_m": self.head.deepest,
             "share_rooted": self.head.rooted,
         }
+        figures["strand_width_m"] = self.coverage and self.coverage.width
         figures["photographs"] = self.photographs and {
-            photo.name: photo.to_dict() for photo in self.photographs
+            photo.name: photo.to_dict() | {"covered_iou": covered}
+            for photo, covered in self.covered()
         }
         return figures
+
+    def covered(self) -> list[tuple[PhotographErrors, float]]:
+        """Return each photograph with how well it is covered; none without any."""
+        if self.photographs is None or self.coverage is None:
+            return []
+        return list(zip(self.photographs, self.coverage.iou, strict=True))
 
     def table(self) -> list[tuple[str, ...]]:
         """Return rows of text for people, the first row naming the columns."""
@@ -115,12 +126,11 @@ class Evaluation:
                 ("deepest", f"{1e3 * self.head.deepest:.2f} mm"),
                 ("rooted on the head", f"{100 * self.head.rooted:.1f} %"),
             ]
-        for photo in self.photographs or ():
+        for photo, covered in self.covered():
             angle = photo.median_angle_deg
             known = "unknown" if angle is None else f"{angle:.1f}°"
-            rows.append(
-                (f"photograph {photo.name}", f"{known}, IoU {100 * photo.iou:.1f} %")
-            )
+            shares = f"IoU {100 * photo.iou:.1f} %, covered {100 * covered:.1f} %"
+            rows.append((f"photograph {photo.name}", f"{known}, {shares}"))
         return rows
 
 
@@ -147,7 +157,7 @@ def evaluate(
     true = sample_strands_evenly(truth, name="the true strands")
     hit = find_matches(pred, true, THRESHOLDS)
     found = find_matches(true, pred, THRESHOLDS)
-    visible = interior = photographs = None
+    visible = interior = photographs = coverage = None
     if views:
         sights, drawn = look(head, views), even_strands(strands)
         seen = find_visible(pred, drawn, sights)
@@ -155,6 +165,7 @@ def evaluate(
         visible = summarise(keep(hit, seen), keep(found, true_seen), THRESHOLDS)
         interior = summarise(keep(hit, ~seen), keep(found, ~true_seen), THRESHOLDS)
         photographs = tuple(compare_with_photograph(drawn, one) for one in sights)
+        coverage = fit_width(drawn, sights)
     return Evaluation(
         every=summarise(hit, found, THRESHOLDS),
         visible=visible,
@@ -164,6 +175,7 @@ def evaluate(
         curls=compare_curls(strands, truth),
         head=None if head is None else compare_with_head(strands, pred, head),
         photographs=photographs,
+        coverage=coverage,
     )
 
 

@@ -71,10 +71,12 @@ def test_photographs_without_an_angle_do_not_count_for_it():
         "00": {"mean_angle_deg": 10.0, "median_angle_deg": 4.0, "hair_iou": 0.5},
         "01": {"mean_angle_deg": None, "median_angle_deg": None, "hair_iou": 0.0},
     }
+    photographs["00"]["covered_iou"], photographs["01"]["covered_iou"] = 0.9, 0.7
     assert photograph_means("held_back", photographs) == {
         "held_back.mean_angle_deg": 10.0,
         "held_back.median_angle_deg": 4.0,
         "held_back.hair_iou": 0.25,
+        "held_back.covered_iou": 0.8,
     }
     assert photograph_means("held_back", {}) == {}
 

@@ -63,6 +63,7 @@ def test_all_figures_are_ready_for_json(tuft, ball, view):
         "mean_angle_deg",
         "median_angle_deg",
         "hair_iou",
+        "covered_iou",
     }
 
 

@@ -1,0 +1,105 @@
+"""How much of a photograph's mask recovered hair covers, once its hairs have a width.
+
+A mask is where hair hides at least half of a pixel. Recovered hair is fewer strands
+than real hair, and single hairs leave every hairstyle: to count a pixel as covered
+wherever one strand passes makes any hairstyle too wide, the true one as well. So each
+strand stands for as wide a ribbon as makes all of them cover the photographs best.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..render.camera import Camera
+from ..render.raster import picture_segments, project_points
+from .visibility import Sight
+
+STEP_PX = 0.7
+"""Greatest distance between two samples of a segment."""
+
+WIDTHS = np.geomspace(1e-6, 1e-2, 121)
+"""Widths that are tried, in metres."""
+
+
+class Coverage(NamedTuple):
+    """How hair of one width covers photographs.
+
+    Attributes:
+        width: Width of a strand, in metres.
+        iou: For each photograph, the area that covered pixels and the hair's mask have
+            in common, over that of either.
+    """
+
+    width: float
+    iou: tuple[float, ...]
+
+
+def fit_width(
+    points: Float[np.ndarray, "strands knots 3"], sights: Sequence[Sight]
+) -> Coverage:
+    """Return the width at which strands cover the hair's masks best, on the mean.
+
+    Args:
+        points: The strands, with equal counts of points, in metres.
+        sights: The photographs, one or more.
+    """
+    each = np.stack([overlaps(points, sight, WIDTHS) for sight in sights])
+    best = int(each.mean(axis=0).argmax())
+    return Coverage(float(WIDTHS[best]), tuple(each[:, best].tolist()))
+
+
+def overlaps(
+    points: Float[np.ndarray, "strands knots 3"],
+    sight: Sight,
+    widths: Float[np.ndarray, " widths"],
+) -> Float[np.ndarray, " widths"]:
+    r"""Return the IoU of covered pixels and the hair's mask for strands of some widths.
+
+    Strands of width $w$ that lie at random hide the share $1 - \exp(-w L)$ of a pixel
+    through which the length $L$ runs, in pixels a metre of width: half of it, where
+    $w L = \ln 2$.
+
+    Args:
+        points: The strands, with equal counts of points, in metres.
+        sight: The photograph.
+        widths: The widths, in metres.
+    """
+    view, behind = sight
+    drawn = hair_density(points, view.camera, behind)
+    least = np.log(2.0) / np.asarray(widths, np.float64)
+    inside, beside = np.sort(drawn[view.hair]), np.sort(drawn[~view.hair])
+    both = len(inside) - np.searchsorted(inside, least)
+    either = len(inside) + len(beside) - np.searchsorted(beside, least)
+    return both / np.maximum(either, 1)
+
+
+def hair_density(
+    points: Float[np.ndarray, "strands knots 3"],
+    camera: Camera,
+    mesh_depth: Float[np.ndarray, "height width"] | None = None,
+) -> Float[np.ndarray, "height width"]:
+    """Return how much of each pixel strands would hide per metre of their width.
+
+    Args:
+        points: The strands, with equal counts of points, in metres.
+        camera: The camera.
+        mesh_depth: Depth of what hides hair, infinite where nothing does.
+    """
+    width, height = camera.width, camera.height
+    segments = picture_segments(project_points(points, camera), width, height)
+    length = np.linalg.norm(segments.step, axis=1)
+    count = np.maximum(np.ceil(length / STEP_PX), 1.0).astype(np.int64)
+    owner = np.repeat(np.arange(len(count)), count)
+    place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    share = (place + 0.5) / count[owner]
+    pixel = (segments.start[owner] + share[:, None] * segments.step[owner]).astype(int)
+    x, y = np.minimum(pixel, [width - 1, height - 1]).T
+    near = segments.inverse_depth[owner]
+    inverse = near[:, 0] + share * near[:, 1]
+    hides = (length / count)[owner] * inverse * float(camera.K[0, 0])
+    if mesh_depth is not None:
+        hides = np.where(inverse * mesh_depth[y, x] >= 1.0, hides, 0.0)
+    total = np.bincount(y * width + x, hides, minlength=width * height)
+    return total.reshape(height, width)

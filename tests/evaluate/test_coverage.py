@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+from known_hair import front_camera
+from test_photographs import lines, striped
+
+from hairfit.evaluate.coverage import WIDTHS, fit_width, hair_density, overlaps
+from hairfit.evaluate.visibility import Sight
+
+SIZE = 96
+
+
+def test_a_strand_hides_its_length_times_its_width():
+    camera = front_camera(SIZE, SIZE)
+    strand = np.linspace([-0.02, 0.0, 0.0], [0.02, 0.0, 0.0], 5)[None]
+    focal = float(camera.K[0, 0])
+    depth = float(np.asarray(camera.cam_from_world)[2, 3])
+    drawn = hair_density(strand, camera)
+    # 40 mm of hair are so many pixels long, and a metre of width so many pixels wide.
+    assert drawn.sum() == pytest.approx(0.04 * focal / depth * focal / depth, rel=1e-6)
+    assert (drawn > 0.0).any(axis=1).sum() == 1
+
+
+def test_what_stands_behind_the_head_hides_nothing():
+    camera = front_camera(SIZE, SIZE)
+    depth = float(np.asarray(camera.cam_from_world)[2, 3])
+    wall = np.full((SIZE, SIZE), np.inf)
+    wall[:, : SIZE // 2] = depth - 0.01
+    drawn = hair_density(lines(0.0), camera, wall)
+    assert not drawn[:, : SIZE // 2].any() and drawn[:, SIZE // 2 :].any()
+
+
+def test_hair_that_lies_where_the_mask_says_covers_it_whatever_its_number():
+    for count in (150, 1500):
+        rng = np.random.default_rng(0)
+        hair = square_of_hair(count, rng)
+        found = fit_width(hair, [Sight(striped(0.0), None)])
+        assert found.iou[0] > 0.9
+        # So many strands as leave no gaps, wherever one comes to lie.
+        assert 0.5 < found.width * count / 0.1 < 10.0
+
+
+def test_single_hairs_beside_the_mask_cost_little():
+    rng = np.random.default_rng(1)
+    hair = square_of_hair(2000, rng)
+    few = hair[:40].copy()
+    few[..., 1] *= 1.4
+    sight = Sight(striped(0.0), None)
+    before = fit_width(hair, [sight]).iou[0]
+    assert fit_width(np.concatenate([hair, few]), [sight]).iou[0] > before - 0.02
+    wide = hair.copy()
+    wide[..., 1] *= 1.4
+    assert fit_width(wide, [sight]).iou[0] < before - 0.1
+
+
+def test_wider_strands_cover_more():
+    rng = np.random.default_rng(2)
+    sight = Sight(striped(0.0), None)
+    inside = overlaps(0.5 * square_of_hair(500, rng), sight, WIDTHS)
+    assert (np.diff(inside) >= 0.0).all() and inside[0] == 0.0 and inside[-1] > 0.2
+
+
+def square_of_hair(count, rng):
+    """Return level strands at random heights over the square of the mask."""
+    camera = front_camera(SIZE, SIZE)
+    depth = float(np.asarray(camera.cam_from_world)[2, 3])
+    half = 32 * depth / float(camera.K[0, 0])
+    strands = np.zeros((count, 5, 3))
+    strands[..., 0] = np.linspace(-half, half, 5)
+    strands[..., 1] = rng.uniform(-half, half, count)[:, None]
+    return strands
