@@ -19,6 +19,9 @@ from .visibility import Sight
 STEP_PX = 0.7
 """Greatest distance between two samples of a segment."""
 
+AT_ONCE = 1 << 20
+"""Samples that are held at once, about."""
+
 WIDTHS = np.geomspace(1e-6, 1e-2, 121)
 """Widths that are tried, in metres."""
 
@@ -91,15 +94,20 @@ def hair_density(
     segments = picture_segments(project_points(points, camera), width, height)
     length = np.linalg.norm(segments.step, axis=1)
     count = np.maximum(np.ceil(length / STEP_PX), 1.0).astype(np.int64)
-    owner = np.repeat(np.arange(len(count)), count)
-    place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    share = (place + 0.5) / count[owner]
-    pixel = (segments.start[owner] + share[:, None] * segments.step[owner]).astype(int)
-    x, y = np.minimum(pixel, [width - 1, height - 1]).T
-    near = segments.inverse_depth[owner]
-    inverse = near[:, 0] + share * near[:, 1]
-    hides = (length / count)[owner] * inverse * float(camera.K[0, 0])
-    if mesh_depth is not None:
-        hides = np.where(inverse * mesh_depth[y, x] >= 1.0, hides, 0.0)
-    total = np.bincount(y * width + x, hides, minlength=width * height)
+    total = np.zeros(width * height)
+    # Parts of about as many samples: large photographs hold many.
+    cuts = np.searchsorted(np.cumsum(count), np.arange(AT_ONCE, count.sum(), AT_ONCE))
+    for part in np.split(np.arange(len(count)), cuts):
+        owner = np.repeat(part, count[part])
+        first = np.cumsum(count[part]) - count[part]
+        number = np.arange(len(owner)) - np.repeat(first, count[part])
+        share = (number + 0.5) / count[owner]
+        place = segments.start[owner] + share[:, None] * segments.step[owner]
+        x, y = np.minimum(place.astype(int), [width - 1, height - 1]).T
+        near = segments.inverse_depth[owner]
+        inverse = near[:, 0] + share * near[:, 1]
+        hides = (length / count)[owner] * inverse * float(camera.K[0, 0])
+        if mesh_depth is not None:
+            hides = np.where(inverse * mesh_depth[y, x] >= 1.0, hides, 0.0)
+        total += np.bincount(y * width + x, hides, minlength=width * height)
     return total.reshape(height, width)

@@ -3,6 +3,7 @@ import pytest
 from known_hair import front_camera
 from test_photographs import lines, striped
 
+from hairfit.evaluate import coverage
 from hairfit.evaluate.coverage import WIDTHS, fit_width, hair_density, overlaps
 from hairfit.evaluate.visibility import Sight
 
@@ -18,6 +19,19 @@ def test_a_strand_hides_its_length_times_its_width():
     # 40 mm of hair are so many pixels long, and a metre of width so many pixels wide.
     assert drawn.sum() == pytest.approx(0.04 * focal / depth * focal / depth, rel=1e-6)
     assert (drawn > 0.0).any(axis=1).sum() == 1
+
+
+def test_parts_make_the_whole(monkeypatch):
+    hair = square_of_hair(300, np.random.default_rng(3))
+    whole = hair_density(hair, front_camera(SIZE, SIZE))
+    monkeypatch.setattr(coverage, "AT_ONCE", 1000)
+    parts = hair_density(hair, front_camera(SIZE, SIZE))
+    assert whole.any() and np.allclose(parts, whole, rtol=1e-12)
+
+
+def test_hair_beside_the_picture_hides_nothing():
+    hair = square_of_hair(20, np.random.default_rng(4)) + [5.0, 0.0, 0.0]
+    assert not hair_density(hair, front_camera(SIZE, SIZE)).any()
 
 
 def test_what_stands_behind_the_head_hides_nothing():
