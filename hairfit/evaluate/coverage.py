@@ -75,7 +75,8 @@ def overlaps(
     inside, beside = np.sort(drawn[view.hair]), np.sort(drawn[~view.hair])
     both = len(inside) - np.searchsorted(inside, least)
     either = len(inside) + len(beside) - np.searchsorted(beside, least)
-    return both / np.maximum(either, 1)
+    # As `photographs.overlap` has it: 1 if both are empty.
+    return np.where(either > 0, both / np.maximum(either, 1), 1.0)
 
 
 def hair_density(
@@ -94,6 +95,7 @@ def hair_density(
     segments = picture_segments(project_points(points, camera), width, height)
     length = np.linalg.norm(segments.step, axis=1)
     count = np.maximum(np.ceil(length / STEP_PX), 1.0).astype(np.int64)
+    piece = length / count
     total = np.zeros(width * height)
     # Parts of about as many samples: large photographs hold many.
     cuts = np.searchsorted(np.cumsum(count), np.arange(AT_ONCE, count.sum(), AT_ONCE))
@@ -106,7 +108,7 @@ def hair_density(
         x, y = np.minimum(place.astype(int), [width - 1, height - 1]).T
         near = segments.inverse_depth[owner]
         inverse = near[:, 0] + share * near[:, 1]
-        hides = (length / count)[owner] * inverse * float(camera.K[0, 0])
+        hides = piece[owner] * inverse * float(camera.K[0, 0])
         if mesh_depth is not None:
             hides = np.where(inverse * mesh_depth[y, x] >= 1.0, hides, 0.0)
         total += np.bincount(y * width + x, hides, minlength=width * height)

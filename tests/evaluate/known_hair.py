@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
+from hairfit.capture.capture import View
 from hairfit.render.camera import Camera
 from hairfit.types import Strands
 
@@ -40,3 +41,24 @@ def front_camera(width=96, height=96, focal=200.0, distance=0.5):
         width,
         height,
     )
+
+
+def striped(angle_deg, size=96):
+    """Return a picture of fine lines at an angle, and a mask of its middle."""
+    y, x = np.mgrid[:size, :size] + 0.5
+    angle = np.radians(angle_deg)
+    across = -np.sin(angle) * x + np.cos(angle) * y
+    grey = 0.4 + 0.2 * np.sin(2 * np.pi * across / 6.0)
+    hair = np.zeros((size, size), bool)
+    hair[16:80, 16:80] = True
+    image = np.repeat(grey[..., None], 3, axis=2).astype(np.float32)
+    return View("one", front_camera(size, size), image, hair)
+
+
+def lines(angle_deg, count=200, size=0.08):
+    """Return strands in the plane z = 0 at an angle in the picture, y being up."""
+    angle = np.radians(angle_deg)
+    along = np.array([np.cos(angle), -np.sin(angle), 0.0])
+    across = np.array([np.sin(angle), np.cos(angle), 0.0])
+    shift = np.linspace(-size, size, count)[:, None, None] * across
+    return shift + np.linspace(-size, size, 5)[None, :, None] * along

@@ -1,7 +1,8 @@
+import dataclasses
+
 import numpy as np
 import pytest
-from known_hair import front_camera
-from test_photographs import lines, striped
+from known_hair import front_camera, lines, striped
 
 from hairfit.evaluate import coverage
 from hairfit.evaluate.coverage import WIDTHS, fit_width, hair_density, overlaps
@@ -64,6 +65,12 @@ def test_single_hairs_beside_the_mask_cost_little():
     wide = hair.copy()
     wide[..., 1] *= 1.4
     assert fit_width(wide, [sight]).iou[0] < before - 0.1
+
+
+def test_a_mask_without_hair_is_covered_by_none():
+    nothing = dataclasses.replace(striped(0.0), hair=np.zeros((SIZE, SIZE), bool))
+    found = overlaps(lines(0.0) + 9.0, Sight(nothing, None), WIDTHS)
+    assert (found == 1.0).all()
 
 
 def test_wider_strands_cover_more():
