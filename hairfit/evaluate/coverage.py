@@ -6,11 +6,11 @@ wherever one strand passes makes any hairstyle too wide, the true one as well. S
 strand stands for as wide a ribbon as makes all of them cover the photographs best.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from ..render.camera import Camera
 from ..render.raster import picture_segments, project_points
@@ -48,9 +48,18 @@ def fit_width(
         points: The strands, with equal counts of points, in metres.
         sights: The photographs, one or more.
     """
-    each = np.stack([overlaps(points, sight, WIDTHS) for sight in sights])
-    best = int(each.mean(axis=0).argmax())
-    return Coverage(float(WIDTHS[best]), tuple(each[:, best].tolist()))
+    return best_width([overlaps(points, sight, WIDTHS) for sight in sights])
+
+
+def best_width(each: Sequence[Float[np.ndarray, " widths"]]) -> Coverage:
+    """Return the width at which the mean over photographs is greatest.
+
+    Args:
+        each: For each photograph the IoU at each of `WIDTHS`.
+    """
+    ious = np.stack(each)
+    best = int(ious.mean(axis=0).argmax())
+    return Coverage(float(WIDTHS[best]), tuple(ious[:, best].tolist()))
 
 
 def overlaps(
@@ -70,9 +79,23 @@ def overlaps(
         widths: The widths, in metres.
     """
     view, behind = sight
-    drawn = hair_density(points, view.camera, behind)
+    return ious_of(hair_density(points, view.camera, behind), view.hair, widths)
+
+
+def ious_of(
+    drawn: Float[np.ndarray, "*pixels"],
+    wanted: Bool[np.ndarray, "*pixels"],
+    widths: Float[np.ndarray, " widths"],
+) -> Float[np.ndarray, " widths"]:
+    """Return the IoU of pixels that are hidden by half and those that are hair.
+
+    Args:
+        drawn: How much of each pixel strands would hide per metre of their width.
+        wanted: Which pixels are hair.
+        widths: The widths of strands, in metres.
+    """
     least = np.log(2.0) / np.asarray(widths, np.float64)
-    inside, beside = np.sort(drawn[view.hair]), np.sort(drawn[~view.hair])
+    inside, beside = np.sort(drawn[wanted]), np.sort(drawn[~wanted])
     both = len(inside) - np.searchsorted(inside, least)
     either = len(inside) + len(beside) - np.searchsorted(beside, least)
     # As `photographs.overlap` has it: 1 if both are empty.
@@ -92,11 +115,47 @@ def hair_density(
         mesh_depth: Depth of what hides hair, infinite where nothing does.
     """
     width, height = camera.width, camera.height
+    total = np.zeros(width * height)
+    for _, y, x, hides in drawn_pieces(points, camera, mesh_depth):
+        total += np.bincount(y * width + x, hides, minlength=width * height)
+    return total.reshape(height, width)
+
+
+class Pieces(NamedTuple):
+    """Short pieces of strands in a picture.
+
+    Attributes:
+        strand: The strand of each.
+        y, x: The pixel in which it lies.
+        hides: How much of that pixel it hides, per metre of the strand's width.
+    """
+
+    strand: Int[np.ndarray, " pieces"]
+    y: Int[np.ndarray, " pieces"]
+    x: Int[np.ndarray, " pieces"]
+    hides: Float[np.ndarray, " pieces"]
+
+
+def drawn_pieces(
+    points: Float[np.ndarray, "strands knots 3"],
+    camera: Camera,
+    mesh_depth: Float[np.ndarray, "height width"] | None = None,
+) -> Iterator[Pieces]:
+    """Yield pieces of strands shorter than a pixel, some million at a time.
+
+    Those behind the mesh hide nothing, and are among them.
+
+    Args:
+        points: The strands, with equal counts of points, in metres.
+        camera: The camera.
+        mesh_depth: Depth of what hides hair, infinite where nothing does.
+    """
+    width, height = camera.width, camera.height
     segments = picture_segments(project_points(points, camera), width, height)
+    strand = segments.number // max(points.shape[1] - 1, 1)
     length = np.linalg.norm(segments.step, axis=1)
     count = np.maximum(np.ceil(length / STEP_PX), 1.0).astype(np.int64)
     piece = length / count
-    total = np.zeros(width * height)
     # Parts of about as many samples: large photographs hold many.
     cuts = np.searchsorted(np.cumsum(count), np.arange(AT_ONCE, count.sum(), AT_ONCE))
     for part in np.split(np.arange(len(count)), cuts):
@@ -111,5 +170,4 @@ def hair_density(
         hides = piece[owner] * inverse * float(camera.K[0, 0])
         if mesh_depth is not None:
             hides = np.where(inverse * mesh_depth[y, x] >= 1.0, hides, 0.0)
-        total += np.bincount(y * width + x, hides, minlength=width * height)
-    return total.reshape(height, width)
+        yield Pieces(strand[owner], y, x, hides)

@@ -61,15 +61,23 @@ def density_maps(scalp: Scalp, uv: Float[np.ndarray, "strands 2"]) -> ScalpMaps:
     return eqx.tree_at(lambda m: m.density, maps, jnp.asarray(density, kind))
 
 
-def spread(uv: Float[np.ndarray, "strands 2"]) -> Float[np.ndarray, "texels texels"]:
-    """Return the number of roots at each texel, each shared among its four corners."""
+def spread(
+    uv: Float[np.ndarray, "strands 2"],
+    amount: Float[np.ndarray, " strands"] | float = 1.0,
+) -> Float[np.ndarray, "texels texels"]:
+    """Return the number of roots at each texel, each shared among its four corners.
+
+    Args:
+        uv: The roots.
+        amount: As how many each counts.
+    """
     at = np.clip(uv, 0.0, 1.0) * (TEXELS - 1)
     low = np.clip(np.floor(at).astype(int), 0, TEXELS - 2)
     far = at - low
     count = np.zeros((TEXELS, TEXELS))
     for i, j in np.ndindex(2, 2):
         share = np.abs(1 - i - far[:, 0]) * np.abs(1 - j - far[:, 1])
-        np.add.at(count, (low[:, 0] + i, low[:, 1] + j), share)
+        np.add.at(count, (low[:, 0] + i, low[:, 1] + j), amount * share)
     return count
 
 

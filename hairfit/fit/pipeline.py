@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,9 +19,10 @@ from ..errors import InputError
 from ..evaluate.shape import strand_lengths
 from ..evaluate.visibility import Sight, even_strands
 from ..io.tree import load_tree, round_tree, save_tree
-from ..model.maps import ScalpMaps, even_maps
+from ..model.maps import ScalpMaps, fill
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp, normals_on, points_on, sample_roots
+from ..model.strand import sample_hair
 from ..model.tree import HairTree, leaves, levels
 from ..render.raster import mesh_depth
 from ..types import Mesh, Strands, along_paths, resample_paths
@@ -32,7 +34,6 @@ from .confidence import ConfidenceConfig, with_confidence
 from .consistency import carve_by_direction
 from .corners import carve_corners
 from .cost import Quality, affordable, refine_until
-from .density import TEXELS
 from .derive import Derived, derive_hair, with_spare
 from .evidence import Field, diffuse, gather
 from .flow import hair_flow
@@ -44,6 +45,7 @@ from .refine import Photographs, RefineConfig, Samples, refine
 from .residuals import photo_maps
 from .settle import settled
 from .suspects import Doubt, find_suspects
+from .thinning import thinned
 from .treeify import (
     STRANDS_A_LEAF,
     TreeifyConfig,
@@ -199,11 +201,17 @@ def fit_capture(
     # Rounded as its file will hold it, so that the strands are those of the file.
     tree = round_tree(tree)
     progress("drawing strands", 0.96)
+    sights = [Sight(*one) for one in zip(views, depths, strict=True)]
+    # As many strands as will be drawn, whose program is there already.
+    key, spared = jax.random.key(config.seed), with_spare(config.strands)
+    maps = thinned(sample_hair(tree, spared, STRAND_POINTS, key), sights)
+    tree = round_tree(dataclasses.replace(tree, maps=single(maps)))
     hair = derive_hair(tree, head, config.strands, STRAND_POINTS, config.seed)
     progress("finding colour and light", 0.98)
-    looks = _looks(hair, first.shots, head, config.seed)
+    looks = _looks(hair, first.shots, sights, head, config.seed)
     if looks is not None:
-        maps = even_maps(TEXELS, TEXELS, colour=looks.colour)
+        colour = fill(maps.colour, jnp.asarray(looks.colour))
+        maps = eqx.tree_at(lambda m: m.colour, maps, colour)
         tree = round_tree(dataclasses.replace(tree, maps=single(maps)))
     parent = np.asarray(tree.parent)
     figures = {
@@ -447,14 +455,15 @@ def _tree(
     return tree, fitted.error
 
 
-def _looks(hair: Derived, shots: Shots, head: Mesh, seed: int) -> Appearance | None:
+def _looks(
+    hair: Derived, shots: Shots, sights: Sequence[Sight], head: Mesh, seed: int
+) -> Appearance | None:
     """Return looks of hair and the light on it, with the exposure of every photograph.
 
     Photographs that are not used are taken to be exposed as the others.
     """
     points = even_strands(hair.strands).astype(np.float64)
     some = points[:: -(-len(points) // LIT)]
-    sights = [Sight(*one) for one in zip(shots.views, shots.depths, strict=True)]
     found = find_appearance(some, sights, head, seed)
     if found is None:
         return None

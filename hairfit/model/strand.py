@@ -252,6 +252,8 @@ def sample_hair(
     painted = root_attributes(tree.maps, uv)
     eta = eta * painted.length.astype(eta.dtype)
     strands = grow_strands(tree, uv, owner, eta, points)
+    if not painted.curl.any():  # A program less to compile.
+        return Hair(strands, uv, owner, eta)
     phase_key = jax.random.fold_in(eta_key, 1)
     phase = jax.random.uniform(phase_key, owner.shape, uv.dtype, 0.0, 2.0 * jnp.pi)
     curl = painted.curl.astype(uv.dtype)

@@ -1,0 +1,130 @@
+r"""Where fewer hairs grow: a density of roots with which strands cover what masks say.
+
+The hull is where hair can be, and strands fill it evenly. A parting, a thin crown or a
+lock of its own show in the masks instead: strands hide pixels that are no hair. Each
+strand is multiplied by the mean along it of what pixels ask for, $\min(1, 1/D)$ beside
+the hair and $\max(1, \min(1/D, 3/2))$ within, where $D$ is what hides a pixel over what
+would hide half of it: multiplicative updates as those of emission tomography [Shepp and
+Vardi 1982, IEEE Transactions on Medical Imaging 1(2)]. The factors, smooth over the
+scalp, are the density of the roots.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import ndimage, sparse
+
+from ..evaluate.coverage import WIDTHS, best_width, drawn_pieces, ious_of
+from ..evaluate.visibility import Sight
+from ..model.maps import ScalpMaps, even_maps
+from ..model.strand import Hair
+from .density import TEXELS, spread
+
+# Strands that are looked at: each stands for a patch of scalp.
+MOST = 4000
+ROUNDS = 20
+BLOCK = 2  # pixels a side that are one: masks are no better
+# The most by which a round adds hair where masks have more than strands hide.
+MOST_ADDED = 1.5
+SMOOTH = 2.0  # texels, some 4 mm
+# Roots at full density: masks that ask for so much of the densest spot ask for no less.
+FULL = 0.5
+THINNEST = 0.05
+DENSEST = 0.95  # the quantile of the density that counts as the densest spot
+
+
+class Covers(NamedTuple):
+    """What strands would hide of a photograph.
+
+    Attributes:
+        hides: Row by row what a strand hides of each block of pixels, per metre of its
+            width.
+        wanted: Which blocks are hair.
+    """
+
+    hides: sparse.csr_matrix
+    wanted: Bool[np.ndarray, " blocks"]
+
+
+def thinned(hair: Hair, sights: Sequence[Sight]) -> ScalpMaps:
+    """Return maps with a density of roots at which strands cover the masks.
+
+    Args:
+        hair: Strands, as dense everywhere.
+        sights: The photographs that count, one or more.
+    """
+    step = -(-len(hair.uv) // MOST)
+    points = np.asarray(hair.strands, np.float64)[::step]
+    uv = np.asarray(hair.uv, np.float64)[::step]
+    factor = strand_factors([covers(points, sight) for sight in sights])
+    maps = even_maps(TEXELS, TEXELS)
+    density = jnp.asarray(root_density(uv, factor), maps.density.dtype)
+    return eqx.tree_at(lambda m: m.density, maps, density)
+
+
+def covers(points: Float[np.ndarray, "strands knots 3"], sight: Sight) -> Covers:
+    """Return what strands would hide of a photograph, block by block.
+
+    Args:
+        points: The strands, with equal counts of points, in metres.
+        sight: The photograph, and what is behind its hair.
+    """
+    view, behind = sight
+    rows, columns = (-(-size // BLOCK) for size in view.hair.shape)
+    hides = sparse.csr_matrix((len(points), rows * columns))
+    for strand, y, x, part in drawn_pieces(points, view.camera, behind):
+        block = (y // BLOCK) * columns + x // BLOCK
+        entries = (part / BLOCK**2, (strand, block))
+        hides += sparse.csr_matrix(entries, shape=hides.shape)
+    mask = np.zeros((rows * BLOCK, columns * BLOCK))
+    mask[: view.hair.shape[0], : view.hair.shape[1]] = view.hair
+    share = mask.reshape(rows, BLOCK, columns, BLOCK).mean(axis=(1, 3))
+    return Covers(hides, share.ravel() >= 0.5)
+
+
+def strand_factors(seen: Sequence[Covers]) -> Float[np.ndarray, " strands"]:
+    """Return by how much each strand has to count for all to cover what is hair.
+
+    Strands are as wide as covers the photographs best while all count alike.
+
+    Args:
+        seen: What the strands hide of each photograph, one or more.
+    """
+    whole = np.sum([hides @ np.ones(len(wanted)) for hides, wanted in seen], axis=0)
+    factor = np.ones(len(whole))
+    width = best_width(
+        [ious_of(hides.T @ factor, wanted, WIDTHS) for hides, wanted in seen]
+    ).width
+    for _ in range(ROUNDS):
+        asked = np.zeros(len(whole))
+        for hides, wanted in seen:
+            hidden = (hides.T @ factor) * width / np.log(2.0)
+            ratio = 1.0 / np.maximum(hidden, 1e-9)
+            most = np.where(wanted, MOST_ADDED, 1.0)
+            asked += hides @ np.clip(ratio, np.where(wanted, 1.0, 0.0), most)
+        # Strands that no photograph shows are as they were.
+        factor *= np.where(whole > 0.0, asked / np.maximum(whole, 1e-30), 1.0)
+    return factor
+
+
+def root_density(
+    uv: Float[np.ndarray, "strands 2"], factor: Float[np.ndarray, " strands"]
+) -> Float[np.ndarray, "texels texels"]:
+    """Return the share of the roots that grow, smooth over the scalp.
+
+    Args:
+        uv: Roots of the strands, even over the scalp.
+        factor: By how much each strand counts.
+    """
+    count, asked = (
+        ndimage.gaussian_filter(x, SMOOTH, mode="nearest")
+        for x in (spread(uv), spread(uv, factor))
+    )
+    rooted = count > 1e-3 * count.max()
+    density = np.where(rooted, asked / np.maximum(count, 1e-30), np.inf)
+    full = FULL * np.quantile(density[rooted], DENSEST)
+    return np.clip(density / full, THINNEST, 1.0)
