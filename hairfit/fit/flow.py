@@ -7,6 +7,10 @@ for the tips that end there, and the flow between has a sign, everywhere at once
 from partings, along the skull to a tie, out of it into a tail. It also says where hair
 must spread so that none of the hull stays empty, as the flow fills all of it.
 
+Where hair ends, nobody sees. The flow strands spread with ends well away from the
+scalp; its sense along the field is voted on by a second one that may end near the scalp
+as well, as tied hair drawn around a head has no place of its own to go to.
+
 The flow is a potential's, $-K\nabla\varphi$ with
 $\lambda\varphi - \nabla\cdot(K\nabla\varphi) = q$: one symmetric linear system.
 Propagating signs from the scalp along a spanning tree, as Dr.Hair has it [CVPR 2024,
@@ -30,10 +34,26 @@ from .hull import Hull
 ALONG = 4
 ACROSS = 0.01  # conductance where the cosine is 0, against 1 along the direction
 SCALP_REACH = 2.0  # voxels from the scalp's samples where hair comes out
-# Hair ends nowhere nearer to the scalp than the first, and everywhere alike beyond the
-# second; what tips take leaves about a third after the last. Shares of how far hair
-# reaches from the scalp, and at most so many metres.
-ENDS_FROM, ENDS_FULLY, TRAVEL = (0.1, 0.01), (0.3, 0.03), (0.5, 0.05)
+
+
+class Ends(NamedTuple):
+    """Where tips are: shares of how far hair reaches from the scalp, and most metres.
+
+    Attributes:
+        first: Hair ends nowhere nearer to the scalp.
+        fully: Beyond this it ends everywhere alike.
+    """
+
+    first: tuple[float, float]
+    fully: tuple[float, float]
+
+
+# Strands spread as if hair ended well away from the scalp. Which way it grows is said
+# better, so many times, by tips that may be close to it as well.
+AWAY = Ends((0.1, 0.01), (0.3, 0.03))
+CLOSE = Ends((0.02, 0.002), (0.1, 0.01))
+CLOSE_COUNTS = 2.0
+TRAVEL = (0.5, 0.05)  # what tips take leaves about a third after so far
 FARTHEST_SHARE = 0.9  # of the hull lies nearer to the scalp than hair is said to reach
 STEPS = np.array(
     [
@@ -68,12 +88,34 @@ def hair_flow(
         scalp_points: Points all over the scalp where hair grows, in metres.
     """
     links = _links(hull, field)
-    spacing = hull.grid.spacing
     away = KDTree(scalp_points).query(hull.grid.centres(hull.hair))[0]
+    spread, sense = (
+        _unit_flow(links, away, ends, hull.grid.spacing) for ends in (AWAY, CLOSE)
+    )
+    direction = field.direction[hull.hair]
+    along = (spread * direction).sum(axis=1)
+    turned = along * (along + CLOSE_COUNTS * (sense * direction).sum(axis=1)) < 0.0
+    flow = spread - np.where(turned, 2.0 * along, 0.0)[:, None] * direction
+    out = np.zeros((*hull.grid.shape, 3))
+    out[hull.hair] = flow
+    return out[nearest_in(hull.hair)]
+
+
+def _unit_flow(
+    links: Links, away: Float[np.ndarray, " voxels"], tips: Ends, spacing: float
+) -> Float[np.ndarray, "voxels 3"]:
+    """Return the direction of the flow in every voxel of hair.
+
+    Args:
+        links: The conductances.
+        away: How far each voxel is from the scalp, in metres.
+        tips: Where hair ends.
+        spacing: Edge of a voxel, in metres.
+    """
     reach = float(np.quantile(away, FARTHEST_SHARE))
     near, far, travel = (
         max(min(share * reach, most), 1e-3)
-        for share, most in (ENDS_FROM, ENDS_FULLY, TRAVEL)
+        for share, most in (tips.first, tips.fully, TRAVEL)
     )
     ends = np.clip((away - near) / max(far - near, 1e-3), 0.0, 1.0)
     # A little everywhere, so that pieces of hair without scalp are decided as well.
@@ -86,10 +128,7 @@ def hair_flow(
     for axis in range(3):
         for end in (links.first, links.second):
             flow[:, axis] += np.bincount(end, moved[:, axis], minlength=len(away))
-    flow /= np.maximum(np.linalg.norm(flow, axis=1, keepdims=True), 1e-30)
-    out = np.zeros((*hull.grid.shape, 3))
-    out[hull.hair] = flow
-    return out[nearest_in(hull.hair)]
+    return flow / np.maximum(np.linalg.norm(flow, axis=1, keepdims=True), 1e-30)
 
 
 def _links(hull: Hull, field: Field) -> Links:

@@ -88,3 +88,26 @@ def test_the_potential_gives_on_what_it_gets(seed):
         dense[[i, j], [j, i]] -= w
     assert np.allclose(dense @ found, gives, atol=1e-3)
     assert np.isclose((takes * found).sum(), gives.sum(), rtol=1e-3)
+
+
+def test_tips_near_the_scalp_turn_the_sense_and_no_strand_aside(monkeypatch):
+    # Hair in all directions, so that where it may end matters.
+    hull = hull_where(
+        lambda p: np.linalg.norm(p * [1.0, 2.0, 1.0], axis=1) < 0.06,
+        [-0.07, -0.04, -0.07],
+        [0.07, 0.04, 0.07],
+        SPACING,
+    )
+    rng = np.random.default_rng(7)
+    field = signless(hull, rng.normal(size=(*hull.grid.shape, 3)))
+    scalp = scalp_at(-0.02, half=0.04)
+    flow = hair_flow(hull, field, scalp)[hull.hair]
+    monkeypatch.setattr("hairfit.fit.flow.CLOSE_COUNTS", 0.0)
+    away = hair_flow(hull, field, scalp)[hull.hair]
+    direction = field.direction[hull.hair]
+    along, before = ((x * direction).sum(axis=1) for x in (flow, away))
+    across = flow - along[:, None] * direction
+    assert np.allclose(across, away - before[:, None] * direction, atol=1e-6)
+    assert np.allclose(np.abs(along), np.abs(before), atol=1e-6)
+    turned = along * before < 0.0
+    assert 0.0 < turned.mean() < 0.5
