@@ -37,6 +37,7 @@ from .volume import Gaps, HairVolume, field_loss, find_gaps, gap_loss, head_loss
 FULL_PACE = 0.015  # metres between knots, from which on they move at the full rate
 LEAST_PACE = 0.1
 SHORTEST = 1e-4  # metres: a piece of a strand counts as no shorter
+FREE_TURN = 0.5  # radians that strands turn at a joint before it counts as a kink
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,6 +58,8 @@ class RefineConfig:
     sigma_bend: float = 0.002
     sigma_stretch: float = 0.5
     """By what share pieces of strands grow longer or shorter."""
+    sigma_turn: float = 0.1
+    """By how much more than freely strands turn from a segment to the next, radians."""
     sigma_map: float = 0.2
     field: float = 1.0
     """What the direction of the evidence, all through the hair, counts."""
@@ -300,6 +303,18 @@ def stretched(
     return new / old - 1.0
 
 
+def turns(
+    strands: Float[Array, "strands knots 3"],
+) -> Float[Array, "strands joints"]:
+    """Return the square of how far each segment's direction is from the last one's.
+
+    It is that of the angle for small ones, and 4 where a strand turns back.
+    """
+    ways = jnp.diff(strands, axis=1)
+    square = jnp.sum(ways**2, axis=2, keepdims=True)
+    return jnp.sum(jnp.diff(ways / jnp.sqrt(square + SHORTEST**2), axis=1) ** 2, axis=2)
+
+
 def carry(
     before: GeneralizedCylinder,
     after: GeneralizedCylinder,
@@ -354,6 +369,8 @@ def descend(
             prior += jnp.mean((jnp.diff(change, axis=1) / config.sigma_map) ** 2)
         stretch = stretched(before, strands) / config.sigma_stretch
         prior = filled * prior + jnp.mean(stretch**2)
+        kinks = jnp.maximum(turns(strands) - FREE_TURN**2, 0.0)
+        prior += jnp.mean(kinks) / config.sigma_turn**2
         found = image_loss(strands, given.seen, problem.maps, mesh)
         found += bare_loss(strands, given.pulls, problem.maps)
         found += config.field * field_loss(strands, problem.volume)

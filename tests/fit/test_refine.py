@@ -22,6 +22,7 @@ from hairfit.fit.refine import (
     paces,
     refine,
     stretched,
+    turns,
 )
 from hairfit.fit.residuals import photo_maps
 from hairfit.fit.volume import hair_volume
@@ -222,6 +223,22 @@ def test_segments_are_stretched_by_how_much_longer_they_are():
     expected = np.zeros((5, 8))
     expected[2, 7] = 1.0
     assert np.allclose(stretched(strands, one_longer), expected, atol=1e-6)
+
+
+def test_turns_are_squares_of_chords_between_directions():
+    angle = np.radians([0.0, 0.0, 90.0, 270.0, 300.0])
+    ways = 0.01 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    strand = np.concatenate([np.zeros((1, 3)), np.cumsum(ways, axis=0)])
+    found = np.asarray(turns(jnp.asarray(strand[None])))[0]
+    # Straight on, a right angle, back, and 30 degrees, whose chord is nearly the angle.
+    assert np.allclose(found, [0.0, 2.0, 4.0, 2.0 - np.sqrt(3.0)], atol=1e-3)
+    assert np.isclose(np.sqrt(found[3]), np.radians(30.0), rtol=0.02)
+
+
+def test_strands_that_stand_still_have_a_gradient():
+    strands = jnp.zeros((2, 5, 3)).at[0, 2:].set(0.01)
+    gradient = jax.grad(lambda p: jnp.sum(turns(p)))(strands)
+    assert np.isfinite(np.asarray(gradient)).all()
 
 
 def test_clusters_of_close_knots_move_slowly(tree):
