@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -201,17 +200,16 @@ def fit_capture(
     # Rounded as its file will hold it, so that the strands are those of the file.
     tree = round_tree(tree)
     progress("drawing strands", 0.96)
-    sights = [Sight(*one) for one in zip(views, depths, strict=True)]
     # As many strands as will be drawn, whose program is there already.
     key, spared = jax.random.key(config.seed), with_spare(config.strands)
-    maps = thinned(sample_hair(tree, spared, STRAND_POINTS, key), sights)
+    maps = thinned(sample_hair(tree, spared, STRAND_POINTS, key), first.shots.sights)
     tree = round_tree(dataclasses.replace(tree, maps=single(maps)))
     hair = derive_hair(tree, head, config.strands, STRAND_POINTS, config.seed)
     progress("finding colour and light", 0.98)
-    looks = _looks(hair, first.shots, sights, head, config.seed)
+    looks = _looks(hair, first.shots, head, config.seed)
     if looks is not None:
         colour = fill(maps.colour, jnp.asarray(looks.colour))
-        maps = eqx.tree_at(lambda m: m.colour, maps, colour)
+        maps = dataclasses.replace(maps, colour=colour)
         tree = round_tree(dataclasses.replace(tree, maps=single(maps)))
     parent = np.asarray(tree.parent)
     figures = {
@@ -252,6 +250,11 @@ class Shots(NamedTuple):
     depths: Depths
     trusted: Trusted
     doubts: tuple[Doubt, ...]
+
+    @property
+    def sights(self) -> list[Sight]:
+        """The photographs that are used, each with the head's depth in it."""
+        return [Sight(*one) for one in zip(self.views, self.depths, strict=True)]
 
 
 class First(NamedTuple):
@@ -455,16 +458,14 @@ def _tree(
     return tree, fitted.error
 
 
-def _looks(
-    hair: Derived, shots: Shots, sights: Sequence[Sight], head: Mesh, seed: int
-) -> Appearance | None:
+def _looks(hair: Derived, shots: Shots, head: Mesh, seed: int) -> Appearance | None:
     """Return looks of hair and the light on it, with the exposure of every photograph.
 
     Photographs that are not used are taken to be exposed as the others.
     """
     points = even_strands(hair.strands).astype(np.float64)
     some = points[:: -(-len(points) // LIT)]
-    found = find_appearance(some, sights, head, seed)
+    found = find_appearance(some, shots.sights, head, seed)
     if found is None:
         return None
     exposure = np.ones(len(shots.trusted.views))

@@ -54,14 +54,16 @@ def thinned(hair: Hair, sights: Sequence[Sight]) -> ScalpMaps:
     """Return maps with a density of roots at which strands cover the masks.
 
     Args:
-        hair: Strands, as dense everywhere.
+        hair: Strands, as dense everywhere; none leave the density even.
         sights: The photographs that count, one or more.
     """
+    maps = even_maps(TEXELS, TEXELS)
+    if not len(hair.uv):
+        return maps
     step = -(-len(hair.uv) // MOST)
     points = np.asarray(hair.strands, np.float64)[::step]
     uv = np.asarray(hair.uv, np.float64)[::step]
     factor = strand_factors([covers(points, sight) for sight in sights])
-    maps = even_maps(TEXELS, TEXELS)
     density = jnp.asarray(root_density(uv, factor), maps.density.dtype)
     return eqx.tree_at(lambda m: m.density, maps, density)
 
@@ -104,8 +106,8 @@ def strand_factors(seen: Sequence[Covers]) -> Float[np.ndarray, " strands"]:
         for hides, wanted in seen:
             hidden = (hides.T @ factor) * width / np.log(2.0)
             ratio = 1.0 / np.maximum(hidden, 1e-9)
-            most = np.where(wanted, MOST_ADDED, 1.0)
-            asked += hides @ np.clip(ratio, np.where(wanted, 1.0, 0.0), most)
+            within, beside = np.clip(ratio, 1.0, MOST_ADDED), np.minimum(ratio, 1.0)
+            asked += hides @ np.where(wanted, within, beside)
         # Strands that no photograph shows are as they were.
         factor *= np.where(whole > 0.0, asked / np.maximum(whole, 1e-30), 1.0)
     return factor

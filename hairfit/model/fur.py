@@ -109,9 +109,7 @@ def grow_fur(
     noise = jax.random.normal(lean_key, (grown, 2), dtype) * style.disorder
     lean = jax.vmap(sample_map, (None, 0))(style.comb, uv)
     strands = fur_arcs(scalp, uv, lean, length, noise, style.bend, points)
-    phase = jax.random.uniform(curl_key, (grown,), dtype, 0.0, 2.0 * jnp.pi)
-    curl = attributes.curl.astype(dtype)
-    strands = curl_strands(strands, curl, curl_pitch(curl), phase)
+    strands = curl_each(strands, attributes.curl, curl_key)
     return Fur(strands, uv, attributes)
 
 
@@ -162,6 +160,27 @@ def fur_arcs(
         return root[None] + rise[:, None] * up[None] + out[:, None] * flow[None]
 
     return jax.vmap(one)(uv, lean, length, noise)
+
+
+def curl_each(
+    strands: Float[Array, "strands points 3"],
+    radius: Float[Array, " strands"],
+    key: PRNGKeyArray | UInt32[Array, " 2"],
+) -> Float[Array, "strands points 3"]:
+    """Return strands with curls of single hairs, each at a random phase.
+
+    Runs outside `jit`: straight hair compiles nothing.
+
+    Args:
+        strands: Strands, root first.
+        radius: Radius of the curls of each, in metres; 0 leaves the strand.
+        key: Randomness of the phases.
+    """
+    if not radius.any():
+        return strands
+    radius = radius.astype(strands.dtype)
+    phase = jax.random.uniform(key, radius.shape, radius.dtype, 0.0, 2.0 * jnp.pi)
+    return curl_strands(strands, radius, curl_pitch(radius), phase)
 
 
 def curl_pitch(radius: Float[Array, " strands"]) -> Float[Array, " strands"]:

@@ -18,7 +18,7 @@ from .cylinder import (
     sections_between,
 )
 from .frame import Frames
-from .fur import curl_pitch, curl_strands
+from .fur import curl_each
 from .maps import keep_roots, root_attributes
 from .ownership import find_owner, local_coordinates
 from .scalp import Scalp, sample_roots, scalp_point
@@ -252,10 +252,5 @@ def sample_hair(
     painted = root_attributes(tree.maps, uv)
     eta = eta * painted.length.astype(eta.dtype)
     strands = grow_strands(tree, uv, owner, eta, points)
-    if not painted.curl.any():  # A program less to compile.
-        return Hair(strands, uv, owner, eta)
-    phase_key = jax.random.fold_in(eta_key, 1)
-    phase = jax.random.uniform(phase_key, owner.shape, uv.dtype, 0.0, 2.0 * jnp.pi)
-    curl = painted.curl.astype(uv.dtype)
-    strands = curl_strands(strands, curl, curl_pitch(curl), phase)
+    strands = curl_each(strands, painted.curl, jax.random.fold_in(eta_key, 1))
     return Hair(strands, uv, owner, eta)

@@ -133,6 +133,13 @@ def test_roots_stay_where_photographs_show_hair():
     assert density.min() >= THINNEST and density.max() <= 1.0
 
 
+def test_a_tree_that_grows_nothing_is_left_to_who_draws_it():
+    roots, uv = every_root(3, np.random.default_rng(6))
+    sights = seen(comb(roots))
+    nothing = Hair(*(leaf[:0] for leaf in hair_of(roots, uv)))
+    assert (thinned(nothing, sights).density == 1.0).all()
+
+
 def test_hair_that_explains_its_masks_stays_as_it_is():
     roots, uv = every_root(3000, np.random.default_rng(5))
     hair = hair_of(roots, uv)
