@@ -12,18 +12,16 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..capture.capture import Capture, View
-from ..capture.orientation import OrientationMap, estimate_orientation
-from ..capture.scalp_wrap import SeenHead, wrap_scalp
+from ..capture.orientation import OrientationMap
 from ..errors import InputError
 from ..evaluate.shape import strand_lengths
-from ..evaluate.visibility import Sight, even_strands
+from ..evaluate.visibility import even_strands
 from ..io.tree import load_tree, round_tree, save_tree
-from ..model.maps import ScalpMaps, fill
+from ..model.maps import ScalpMaps, even_maps, fill
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp, normals_on, points_on, sample_roots
 from ..model.strand import sample_hair
 from ..model.tree import HairTree, leaves, levels
-from ..render.raster import mesh_depth
 from ..types import Mesh, Strands, along_paths, resample_paths
 from .ahead import Shapes, compile_growth, compile_refinement, compiling_ahead
 from .appearance import Appearance, find_appearance
@@ -33,6 +31,8 @@ from .confidence import ConfidenceConfig, with_confidence
 from .consistency import carve_by_direction
 from .corners import carve_corners
 from .cost import Quality, affordable, refine_until
+from .curls import find_curls, lock_directions, points_for
+from .density import TEXELS
 from .derive import Derived, derive_hair, with_spare
 from .evidence import Field, diffuse, gather
 from .flow import hair_flow
@@ -43,7 +43,15 @@ from .prune import prune
 from .refine import Photographs, RefineConfig, Samples, refine
 from .residuals import photo_maps
 from .settle import settled
-from .suspects import Doubt, find_suspects
+from .shots import (
+    Depths,
+    Shots,
+    largest,
+    orientation_maps,
+    trusted_shots,
+    wrapped_scalp,
+)
+from .suspects import Doubt
 from .thinning import thinned
 from .treeify import (
     STRANDS_A_LEAF,
@@ -53,11 +61,10 @@ from .treeify import (
     levels_above,
     on_scalp,
 )
-from .trust import Trusted, mute_clipped, without_suspects
+from .trust import mute_clipped
 from .volume import hair_volume, inner_places
 
 Progress = Callable[[str, float], None]
-Depths = Sequence[Float[np.ndarray, "_height _width"]]
 
 # Strands shorter than this did not grow: their roots are bare. Metres.
 SHORTEST = 0.008
@@ -202,15 +209,18 @@ def fit_capture(
     progress("drawing strands", 0.96)
     # As many strands as will be drawn, whose program is there already.
     key, spared = jax.random.key(config.seed), with_spare(config.strands)
-    maps = thinned(sample_hair(tree, spared, STRAND_POINTS, key), first.shots.sights)
-    tree = round_tree(dataclasses.replace(tree, maps=single(maps)))
-    hair = derive_hair(tree, head, config.strands, STRAND_POINTS, config.seed)
+    points = points_for(tree, first.curl, STRAND_POINTS)
+    maps = single(even_maps(TEXELS, TEXELS, curl=first.curl))
+    tree = dataclasses.replace(tree, maps=maps)
+    maps = thinned(maps, sample_hair(tree, spared, points, key), first.shots.sights)
+    tree = round_tree(dataclasses.replace(tree, maps=maps))
+    hair = derive_hair(tree, head, config.strands, points, config.seed)
     progress("finding colour and light", 0.98)
     looks = _looks(hair, first.shots, head, config.seed)
     if looks is not None:
-        colour = fill(maps.colour, jnp.asarray(looks.colour))
+        colour = fill(maps.colour, jnp.asarray(looks.colour, jnp.float32))
         maps = dataclasses.replace(maps, colour=colour)
-        tree = round_tree(dataclasses.replace(tree, maps=single(maps)))
+        tree = round_tree(dataclasses.replace(tree, maps=maps))
     parent = np.asarray(tree.parent)
     figures = {
         "quality": quality,
@@ -222,6 +232,7 @@ def fit_capture(
         "root_clusters": int((parent < 0).sum()),
         "leaf_clusters": len(leaves(tree)),
         "cylinder_error_mm": 1e3 * first.error,
+        "curl_radius_mm": 1e3 * first.curl,
         "median_length_mm": 1e3 * float(np.median(strand_lengths(hair.strands))),
     }
     return FitResult(
@@ -236,34 +247,14 @@ def fit_capture(
     )
 
 
-class Shots(NamedTuple):
-    """The photographs that are used, and what was found of all of them.
-
-    Attributes:
-        views: Those that are used.
-        depths: Depth of the head in each of these, in metres.
-        trusted: All photographs, mended where they had to be.
-        doubts: What was wrong with some.
-    """
-
-    views: list[View]
-    depths: Depths
-    trusted: Trusted
-    doubts: tuple[Doubt, ...]
-
-    @property
-    def sights(self) -> list[Sight]:
-        """The photographs that are used, each with the head's depth in it."""
-        return [Sight(*one) for one in zip(self.views, self.depths, strict=True)]
-
-
 class First(NamedTuple):
     """A tree before its refinement, and what it was grown from.
 
     Attributes:
         shots: The photographs.
-        maps: Orientation maps of those that are used.
+        maps: Orientation maps of those that are used; of their locks, where hair curls.
         all_maps: Orientation maps of all of them.
+        curl: Radius of the hair's curls in metres, 0 where none are seen.
         hull: Where hair can be.
         field: Which way it runs there.
         tree: The tree of the grown strands.
@@ -275,6 +266,7 @@ class First(NamedTuple):
     shots: Shots
     maps: list[OrientationMap]
     all_maps: list[OrientationMap]
+    curl: float
     hull: Hull
     field: Field
     tree: HairTree
@@ -300,19 +292,27 @@ def _first_tree(
         spared = with_spare(config.strands)
         ahead(compile_growth, preset.guides, (preset.refine.strands, spared))
         progress("measuring the head", 0.0)
-        shots = _trusted(capture.views, head, store)
+        shots = trusted_shots(capture.views, head, store)
         views, depths = shots.views, shots.depths
         progress("carving the hull", 0.05)
         hull = carve(views, depths, head, preset.spacing)
         shapes = Shapes(len(views), largest(views), hull.grid.shape, room, preset.knots)
         ahead(compile_refinement, shapes, preset.refine)
         hull = carve_corners(hull, views, depths)
-        all_maps = _orientation(shots.trusted.views, store, progress)
+        all_maps = orientation_maps(
+            shots.trusted.views,
+            store,
+            lambda share: progress("finding orientation", 0.1 + 0.25 * share),
+        )
         all_maps = mute_clipped(shots.trusted.views, all_maps, shots.doubts)
-        maps = [all_maps[k] for k in _used(shots.trusted)]
+        maps = [all_maps[k] for k in shots.used]
         progress("carving by direction", 0.35)
         hull = carve_by_direction(hull, views, maps, depths)
-        scalp = capture.scalp or _wrapped(views, depths, head)
+        curl = find_curls(hull, views, maps)
+        if curl > 0.0:
+            locks = zip(views, maps, strict=True)
+            maps = [lock_directions(hull, *one) for one in locks]
+        scalp = capture.scalp or wrapped_scalp(shots, head)
         progress("growing strands", 0.4)
         field = _field(hull, shots, maps, store)
         uv, grown = _grow(hull, field, scalp, preset, config, store)
@@ -320,63 +320,7 @@ def _first_tree(
         tree, error = _tree(scalp, uv, grown, preset, config, store)
     roots = len(np.unique(uv, axis=0))
     branches = len(uv) - roots
-    return First(shots, maps, all_maps, hull, field, tree, error, roots, branches)
-
-
-def _trusted(views: Sequence[View], head: Mesh, store: Checkpoint) -> Shots:
-    """Return the photographs once doubtful ones are mended or left out."""
-    depths = _depths(views, head, store)
-    doubts = find_suspects(views, depths, head)
-    trusted = without_suspects(views, depths, head, doubts)
-    used = _used(trusted)
-    return Shots(
-        [trusted.views[k] for k in used],
-        [trusted.depths[k] for k in used],
-        trusted,
-        tuple(doubts),
-    )
-
-
-def _used(trusted: Trusted) -> list[int]:
-    return [k for k, use in enumerate(trusted.used) if use]
-
-
-def largest(views: Sequence[View]) -> tuple[int, int]:
-    """Return height and width of the smallest picture that would hold all."""
-    cameras = [view.camera for view in views]
-    return max(c.height for c in cameras), max(c.width for c in cameras)
-
-
-def _orientation(
-    views: Sequence[View], store: Checkpoint, progress: Progress
-) -> list[OrientationMap]:
-    maps = []
-    progress("finding orientation", 0.1)
-    for i, view in enumerate(views):
-        saved = store.load(f"orientation-{view.name}")
-        if saved is None:
-            found = estimate_orientation(view.image, view.hair)
-            saved = {
-                name: np.asarray(getattr(found, name), np.float32)
-                for name in ("angle", "confidence", "sigma")
-            }
-            store.save(f"orientation-{view.name}", saved)
-        maps.append(OrientationMap(**saved))
-        progress("finding orientation", 0.1 + 0.25 * (i + 1) / len(views))
-    return maps
-
-
-def _depths(views: Sequence[View], head: Mesh, store: Checkpoint) -> Depths:
-    saved = store.load("depth")
-    if saved is None:
-        saved = {view.name: mesh_depth(head, view.camera) for view in views}
-        store.save("depth", saved)
-    return [saved[view.name] for view in views]
-
-
-def _wrapped(views: Sequence[View], depths: Depths, head: Mesh) -> Scalp:
-    seen = [SeenHead(view, depth) for view, depth in zip(views, depths, strict=True)]
-    return wrap_scalp(head, seen)
+    return First(shots, maps, all_maps, curl, hull, field, tree, error, roots, branches)
 
 
 class Grown(NamedTuple):
@@ -469,7 +413,7 @@ def _looks(hair: Derived, shots: Shots, head: Mesh, seed: int) -> Appearance | N
     if found is None:
         return None
     exposure = np.ones(len(shots.trusted.views))
-    exposure[_used(shots.trusted)] = found.exposure
+    exposure[shots.used] = found.exposure
     return found._replace(exposure=exposure)
 
 

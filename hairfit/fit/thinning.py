@@ -20,9 +20,9 @@ from scipy import ndimage, sparse
 
 from ..evaluate.coverage import WIDTHS, best_width, drawn_pieces, ious_of
 from ..evaluate.visibility import Sight
-from ..model.maps import ScalpMaps, even_maps
+from ..model.maps import ScalpMaps
 from ..model.strand import Hair
-from .density import TEXELS, spread
+from .density import spread
 
 # Strands that are looked at: each stands for a patch of scalp.
 MOST = 4000
@@ -50,14 +50,14 @@ class Covers(NamedTuple):
     wanted: Bool[np.ndarray, " blocks"]
 
 
-def thinned(hair: Hair, sights: Sequence[Sight]) -> ScalpMaps:
+def thinned(maps: ScalpMaps, hair: Hair, sights: Sequence[Sight]) -> ScalpMaps:
     """Return maps with a density of roots at which strands cover the masks.
 
     Args:
+        maps: What is on the scalp, with an even density, `TEXELS` a side.
         hair: Strands, as dense everywhere; none leave the density even.
         sights: The photographs that count, one or more.
     """
-    maps = even_maps(TEXELS, TEXELS)
     if not len(hair.uv):
         return maps
     step = -(-len(hair.uv) // MOST)

@@ -7,6 +7,7 @@ import pytest
 from hairfit.capture import Capture, load_capture
 from hairfit.capture.distance import signed_distance
 from hairfit.errors import InputError
+from hairfit.evaluate.curls import find_curls
 from hairfit.fit import FitConfig, fit_capture, pipeline
 from hairfit.fit.branches import BATCH, ROUNDS
 from hairfit.fit.derive import derive_strands
@@ -119,6 +120,23 @@ def test_the_tree_has_the_colour_of_the_hair(fitted, capture):
     # How bright it is, photographs do not say. Highlights are no part of the colour.
     colour, true = np.array(looks.colour), np.array(Look().hair)
     assert np.allclose(colour / colour.sum(), true / true.sum(), atol=0.03)
+
+
+@pytest.mark.slow
+def test_strands_of_curly_hair_curl(fitted, capture, monkeypatch):
+    straight, _ = fitted
+    assert straight.figures["curl_radius_mm"] == 0.0
+    assert straight.tree.maps is not None and not straight.tree.maps.curl.any()
+    monkeypatch.setattr(pipeline, "find_curls", lambda *_: 0.004)
+    monkeypatch.setattr(pipeline, "lock_directions", lambda hull, view, found: found)
+    result = fit_capture(capture, CONFIG)
+    assert result.figures["curl_radius_mm"] == 4.0
+    maps = result.tree.maps
+    assert maps is not None and np.allclose(maps.curl, 0.004, atol=1e-5)
+    assert result.strands.points.shape[0] > straight.strands.points.shape[0]
+    curls = find_curls(result.strands)
+    assert curls.curled.mean() > 0.9
+    assert np.median(curls.radius[curls.curled]) == pytest.approx(0.004, rel=0.15)
 
 
 @pytest.mark.slow

@@ -1,0 +1,103 @@
+"""The photographs that a fit uses, and what it finds in each of them alone."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..capture.capture import View
+from ..capture.orientation import OrientationMap, estimate_orientation
+from ..capture.scalp_wrap import SeenHead, wrap_scalp
+from ..evaluate.visibility import Sight
+from ..model.scalp import Scalp
+from ..render.raster import mesh_depth
+from ..types import Mesh
+from .checkpoint import Checkpoint
+from .suspects import Doubt, find_suspects
+from .trust import Trusted, without_suspects
+
+Depths = Sequence[Float[np.ndarray, "_height _width"]]
+
+
+class Shots(NamedTuple):
+    """The photographs that are used, and what was found of all of them.
+
+    Attributes:
+        views: Those that are used.
+        depths: Depth of the head in each of these, in metres.
+        used: Which of all photographs they are.
+        trusted: All photographs, mended where they had to be.
+        doubts: What was wrong with some.
+    """
+
+    views: list[View]
+    depths: Depths
+    used: list[int]
+    trusted: Trusted
+    doubts: tuple[Doubt, ...]
+
+    @property
+    def sights(self) -> list[Sight]:
+        """The photographs that are used, each with the head's depth in it."""
+        return [Sight(*one) for one in zip(self.views, self.depths, strict=True)]
+
+
+def trusted_shots(views: Sequence[View], head: Mesh, store: Checkpoint) -> Shots:
+    """Return the photographs once doubtful ones are mended or left out."""
+    depths = _depths(views, head, store)
+    doubts = find_suspects(views, depths, head)
+    trusted = without_suspects(views, depths, head, doubts)
+    used = [k for k, use in enumerate(trusted.used) if use]
+    return Shots(
+        [trusted.views[k] for k in used],
+        [trusted.depths[k] for k in used],
+        used,
+        trusted,
+        tuple(doubts),
+    )
+
+
+def largest(views: Sequence[View]) -> tuple[int, int]:
+    """Return height and width of the smallest picture that would hold all."""
+    cameras = [view.camera for view in views]
+    return max(c.height for c in cameras), max(c.width for c in cameras)
+
+
+def orientation_maps(
+    views: Sequence[View], store: Checkpoint, progress: Callable[[float], None]
+) -> list[OrientationMap]:
+    """Return the orientation map of every photograph.
+
+    Args:
+        views: The photographs.
+        store: Where maps are kept, and taken from.
+        progress: Called with the share of them that is done.
+    """
+    maps = []
+    for i, view in enumerate(views):
+        progress(i / len(views))
+        saved = store.load(f"orientation-{view.name}")
+        if saved is None:
+            found = estimate_orientation(view.image, view.hair)
+            saved = {
+                name: np.asarray(getattr(found, name), np.float32)
+                for name in ("angle", "confidence", "sigma")
+            }
+            store.save(f"orientation-{view.name}", saved)
+        maps.append(OrientationMap(**saved))
+    return maps
+
+
+def wrapped_scalp(shots: Shots, head: Mesh) -> Scalp:
+    """Return the scalp that the photographs' masks draw on a head."""
+    seen = [SeenHead(*one) for one in zip(shots.views, shots.depths, strict=True)]
+    return wrap_scalp(head, seen)
+
+
+def _depths(views: Sequence[View], head: Mesh, store: Checkpoint) -> Depths:
+    saved = store.load("depth")
+    if saved is None:
+        saved = {view.name: mesh_depth(head, view.camera) for view in views}
+        store.save("depth", saved)
+    return [saved[view.name] for view in views]

@@ -1,0 +1,143 @@
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from ball_hair import camera_at, hull_where, photograph, view_of
+
+from hairfit.capture import load_capture
+from hairfit.capture.orientation import OrientationMap, estimate_orientation
+from hairfit.fit.curls import (
+    find_curls,
+    find_period,
+    lock_directions,
+    pixel_size,
+    points_for,
+)
+from hairfit.model.fur import PITCH, curl_strands
+from hairfit.model.tree import leaves
+from hairfit.synthetic.head import make_head, make_scalp
+from hairfit.synthetic.scene import Scene, write_capture
+from hairfit.synthetic.styles import make_style
+from hairfit.types import along_paths
+
+FRONT = camera_at([0.0, 0.0, 0.4], finer=4)
+HULL = hull_where(lambda p: np.abs(p[:, 2]) < 0.01, [-0.1] * 3, [0.1] * 3, 0.01)
+
+
+def curtain(radius=0.0, pitch=0.03, bend=0.0):
+    """Return locks of hairs that hang side by side, each lock at its own phase."""
+    rng = np.random.default_rng(0)
+    locks = round(0.18 / (2.2 * radius)) if radius else 50
+    hairs = 1000 // locks
+    x = np.repeat(np.linspace(-0.09, 0.09, locks), hairs)
+    x = x + rng.normal(0.0, 0.001, len(x))
+    y = np.linspace(0.1, -0.1, 160)
+    x = x[:, None] + bend * np.sin(np.pi * y / 0.2)
+    strands = np.stack(np.broadcast_arrays(x, y, 0.0), axis=-1)
+    if not radius:
+        return strands
+    phase = np.repeat(rng.uniform(0.0, 2.0 * np.pi, locks), hairs)
+    how = (np.full(len(x), radius), np.full(len(x), pitch), phase)
+    return np.asarray(curl_strands(jnp.asarray(strands), *map(jnp.asarray, how)))
+
+
+def seen(strands):
+    found = photograph(strands, [FRONT], None)
+    return found.views, found.maps
+
+
+@pytest.mark.parametrize("radius", [0.0035, 0.005, 0.006])
+def test_the_radius_of_curls_is_found(radius):
+    found = find_curls(HULL, *seen(curtain(radius, PITCH * radius)))
+    assert found == pytest.approx(radius, rel=0.1)
+
+
+def test_hair_that_does_not_curl_has_no_radius():
+    assert find_curls(HULL, *seen(curtain())) == 0.0
+    assert find_curls(HULL, *seen(curtain(bend=0.03))) == 0.0
+    # Waves are no curls: 14 degrees from their lock.
+    assert find_curls(HULL, *seen(curtain(0.0018, 0.045))) == 0.0
+
+
+def test_angles_that_repeat_nowhere_are_no_curls():
+    views, maps = seen(curtain())
+    angle = np.random.default_rng(1).uniform(0.0, np.pi, maps[0].angle.shape)
+    assert find_curls(HULL, views, [dataclasses.replace(maps[0], angle=angle)]) == 0.0
+
+
+def test_photographs_that_say_nothing_have_no_curls():
+    hair = np.zeros((FRONT.height, FRONT.width), bool)
+    zero = np.zeros(hair.shape)
+    blind = OrientationMap(zero, zero, zero)
+    assert find_curls(HULL, [view_of(FRONT, hair)], [blind]) == 0.0
+
+
+def test_locks_run_down_where_their_curls_do_not():
+    views, maps = seen(curtain(0.005, 0.03))
+    lock = lock_directions(HULL, views[0], maps[0])
+    hair = views[0].hair
+
+    def away(found):
+        """Return how far from upright lines are."""
+        return np.abs(np.abs(found.angle[hair]) - 0.5 * np.pi)
+
+    assert np.median(away(maps[0])) > np.radians(25)
+    assert np.median(away(lock)) < np.radians(10)
+    # The error that it expects is what curls swing, not what the mean is wrong by.
+    swing = np.sqrt(np.mean(away(maps[0]) ** 2))
+    assert np.median(lock.sigma[hair]) == pytest.approx(swing, rel=0.25)
+    assert not lock.confidence[~hair].any()
+
+
+def test_straight_hair_is_its_own_lock():
+    views, maps = seen(curtain())
+    lock = lock_directions(HULL, views[0], maps[0])
+    hair = views[0].hair
+    turn = np.sin(lock.angle - maps[0].angle)[hair]
+    assert np.percentile(np.abs(turn), 95) < np.radians(3)
+    assert np.median(lock.confidence[hair]) > 0.99
+
+
+def test_a_pixel_is_as_wide_as_its_camera_makes_it():
+    hair = np.ones((FRONT.height, FRONT.width), bool)
+    # 0.4 m before the lens, of 640 pixels' focal length.
+    assert pixel_size(HULL, view_of(FRONT, hair)) == pytest.approx(0.4 / 640)
+
+
+def test_the_period_is_that_of_the_first_peak():
+    lag = np.arange(101)
+    fades = np.exp(-lag / 60.0)
+    assert find_period(fades * np.cos(2 * np.pi * lag / 23.4)) == pytest.approx(
+        23.4, rel=0.02
+    )
+    assert find_period(fades) is None
+    # What only comes back beyond the last lag, or hardly at all, has no period.
+    assert find_period(np.cos(2 * np.pi * lag / 150)) is None
+    assert find_period(0.1 ** (lag / 23.4) * np.cos(2 * np.pi * lag / 23.4)) is None
+
+
+def test_strands_get_points_for_every_turn():
+    tree = make_style("straight", 0, make_scalp(make_head()))
+    length = along_paths(np.asarray(tree.cylinder.skeleton)[leaves(tree)])[:, -1]
+    assert points_for(tree, 0.0, 40) == 40
+    points = points_for(tree, 0.005, 40)
+    assert points % 40 == 0
+    assert points >= 8 * np.median(length) / (PITCH * 0.005) > points - 60
+    assert points_for(tree, 0.05, 40) == 40
+    assert points_for(tree, 1e-4, 40) == 160
+
+
+@pytest.mark.slow
+def test_curls_of_drawn_photographs_are_found(tmp_path):
+    head = make_head()
+    scene = Scene(4, (576, 768), strands=4000, points=64)
+    tree = make_style("curly", 0, make_scalp(head))
+    write_capture(tree, head, tmp_path / "curly", scene)
+    views = load_capture(tmp_path / "curly").views
+    maps = [estimate_orientation(view.image, view.hair) for view in views]
+    hull = hull_where(
+        lambda p: np.linalg.norm(p, axis=1) < 0.1, [-0.1] * 3, [0.1] * 3, 0.01
+    )
+    # Drawn with a turn in 33 mm.
+    assert find_curls(hull, views, maps) == pytest.approx(0.033 / PITCH, rel=0.1)
