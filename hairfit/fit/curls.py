@@ -3,13 +3,18 @@
 Where hair curls, what a pixel shows is the side of a turn, not the lock. Over the area
 of a turn the angles average to the lock's own direction. Along the lock they swing
 about it and repeat after a turn: the first peak of their autocorrelation is the pitch.
-Hair that swings little, or repeats nowhere, is taken as it looks.
+
+Of curls that are finer, or steeper than 45 degrees, a map shows one side of every turn,
+and looks as if hair ran across its locks. Photographs from other sides then contradict
+it: no line in space is seen so by three. Such hair is taken to curl at no known pitch,
+and its maps to say nothing of its locks. All other hair is taken as it looks.
 
 The phases of curls and their handedness are not recovered: neighbours hide one another,
 and photographs from far apart see other locks. Nor is their slope, of which maps show
 half; a pitch gives the radius as it does for the curls of single hairs, see `fur`.
 """
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,11 +24,12 @@ from jaxtyping import Bool, Float
 from scipy import ndimage
 
 from ..capture.capture import View
-from ..capture.orientation import SIGMA_BLIND, OrientationMap
+from ..capture.orientation import SIGMA_BLIND, SIGMA_SURE, OrientationMap
 from ..model.fur import PITCH
 from ..model.tree import HairTree, leaves
 from ..render.raster import project_points
 from ..types import along_paths
+from .consistency import disagreement
 from .hull import Hull
 
 # Standard deviation of the Gaussian over which angles are averaged, in metres: half of
@@ -33,6 +39,14 @@ LOCK = 0.016
 # angle. Drawn curls have 0.30, waves 0.07, all that is straight or tied 0.05 at most;
 # waves are nearer to their mean direction than to waves of another phase.
 LEAST_SWING = 0.15
+# Maps that are surer are not asked whether they contradict each other.
+SURE = 0.2
+# The median error of locks about one line at which they do, in radians: drawn afros and
+# ringlets have 10 degrees, all else 4 at most, and 6 with much noise.
+CONTRADICTION = math.radians(7.0)
+LEAST_SAYING = 0.75  # share of the hair's pixels that must say something
+LEAST_KNOWN = 0.05  # and of its voxels that three photographs must see
+UNSEEN = 0.0035  # radius of curls that are too fine or too steep to be seen, in metres
 # The autocorrelation falls below the first between turns, and rises above the second.
 BETWEEN, AGAIN = -0.05, 0.2
 STEP = 0.001  # metres between two places along a lock
@@ -42,14 +56,26 @@ STARTS = 3000  # pixels of each photograph from which locks are followed
 # Metres from the border of the hair: nearer to it no lock starts, beyond it all end.
 RIM = 0.004
 MOST_VIEWS = 4
-
-
 # Points that a turn needs, and most of a strand.
 TURN_POINTS = 8
 MOST_POINTS = 160
 
 
-class Swing(NamedTuple):
+class Curls(NamedTuple):
+    """How curly hair is that photographs show.
+
+    Attributes:
+        radius: Of its curls in metres, 0 for what does not curl.
+        maps: Orientation maps of its locks.
+        told: Whether they tell which way it runs; if not, they say nothing.
+    """
+
+    radius: float
+    maps: list[OrientationMap]
+    told: bool
+
+
+class Along(NamedTuple):
     """What angles do along locks, summed over places with weights.
 
     Attributes:
@@ -61,28 +87,108 @@ class Swing(NamedTuple):
     weight: Float[np.ndarray, " lags"]
 
 
-def find_curls(
-    hull: Hull, views: Sequence[View], maps: Sequence[OrientationMap]
+def see_curls(
+    hull: Hull,
+    views: Sequence[View],
+    maps: Sequence[OrientationMap],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
+) -> Curls:
+    """Return how curly the photographed hair is, and which way its locks run.
+
+    Args:
+        hull: Where hair can be.
+        views: The photographs.
+        maps: Their orientation maps.
+        depths: Depth of the head in each photograph, in metres.
+    """
+    straight = Curls(0.0, list(maps), True)
+    swings = swing(hull, views, maps) > LEAST_SWING
+    if not swings and mean_confidence(views, maps) > SURE:
+        return straight
+    locks = [lock_directions(hull, *one) for one in zip(views, maps, strict=True)]
+    radius = find_radius(hull, views, maps, locks) if swings else 0.0
+    if radius > 0.0:
+        return Curls(radius, locks, True)
+    if contradict(hull, views, maps, locks, depths):
+        mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
+        return Curls(UNSEEN, mute, False)
+    return straight
+
+
+def swing(hull: Hull, views: Sequence[View], maps: Sequence[OrientationMap]) -> float:
+    """Return the mean square of the sine of twice the angle between hair and locks."""
+    square = total = 0.0
+    for k in some_of(views):
+        lock = lock_directions(hull, views[k], maps[k])
+        sine = np.sin(2.0 * (maps[k].angle - lock.angle))
+        square += float((maps[k].confidence * sine**2).sum())
+        total += float(maps[k].confidence.sum())
+    return square / max(total, 1e-12)
+
+
+def some_of(views: Sequence[View]) -> range:
+    """Return which views are looked at where a few do."""
+    return range(0, len(views), -(-len(views) // MOST_VIEWS))
+
+
+def mean_confidence(views: Sequence[View], maps: Sequence[OrientationMap]) -> float:
+    """Return how sure maps are in the mean of the hair's pixels."""
+    sure = sum(float(m.confidence.sum()) for m in maps)
+    return sure / max(sum(int(view.hair.sum()) for view in views), 1)
+
+
+def contradict(
+    hull: Hull,
+    views: Sequence[View],
+    maps: Sequence[OrientationMap],
+    locks: Sequence[OrientationMap],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
+) -> bool:
+    """Return whether photographs contradict each other about the locks' directions.
+
+    Noise does not: over the area of a lock it averages out, unless hardly a pixel says
+    anything. Where no place is seen by three, nothing contradicts.
+
+    Args:
+        hull: Where hair can be.
+        views: The photographs.
+        maps: Their orientation maps.
+        locks: Maps of the locks' directions.
+        depths: Depth of the head in each photograph, in metres.
+    """
+    says = [v.hair & (m.confidence > 0.0) for v, m in zip(views, maps, strict=True)]
+    pixels = sum(int(view.hair.sum()) for view in views)
+    if sum(int(one.sum()) for one in says) < LEAST_SAYING * pixels:
+        return False
+    alike = [
+        dataclasses.replace(m, confidence=one.astype(m.confidence.dtype))
+        for m, one in zip(locks, says, strict=True)
+    ]
+    apart = disagreement(hull, views, alike, depths)
+    known = apart[apart > 0.0]
+    if len(known) < LEAST_KNOWN * hull.hair.sum():
+        return False
+    # In units of the error of a map that is sure.
+    return bool(np.sqrt(np.median(known)) * SIGMA_SURE > CONTRADICTION)
+
+
+def find_radius(
+    hull: Hull,
+    views: Sequence[View],
+    maps: Sequence[OrientationMap],
+    locks: Sequence[OrientationMap],
 ) -> float:
-    """Return the radius of the hair's curls in metres, 0 where none are seen.
+    """Return the radius of curls in metres by their pitch, 0 where nothing repeats.
 
     Args:
         hull: Where hair can be, which says how large a pixel is.
         views: The photographs.
         maps: Their orientation maps.
+        locks: Maps of the locks' directions.
     """
-    some = range(0, len(views), -(-len(views) // MOST_VIEWS))
-    locks = [lock_directions(hull, views[k], maps[k]) for k in some]
-    square = total = 0.0
-    for k, lock in zip(some, locks, strict=True):
-        swing = np.sin(2.0 * (maps[k].angle - lock.angle))
-        square += float((maps[k].confidence * swing**2).sum())
-        total += float(maps[k].confidence.sum())
-    if square < LEAST_SWING * total or total == 0.0:
-        return 0.0
     along = [
-        follow_locks(views[k].hair, maps[k], lock, pixel_size(hull, views[k]))
-        for k, lock in zip(some, locks, strict=True)
+        follow_locks(views[k].hair, maps[k], locks[k], pixel_size(hull, views[k]))
+        for k in some_of(views)
     ]
     product, weight = (np.sum(sums, axis=0) for sums in zip(*along, strict=True))
     many = weight > FEW * weight[0]
@@ -130,7 +236,7 @@ def follow_locks(
     found: OrientationMap,
     lock: OrientationMap,
     pixel: float,
-) -> Swing:
+) -> Along:
     """Return how the angle at a place and farther along its lock go together.
 
     Args:
@@ -145,7 +251,7 @@ def follow_locks(
     places = np.argwhere(inner & (found.confidence > 0.0))
     product, weight = np.zeros(REACH + 1), np.zeros(REACH + 1)
     if not len(places):
-        return Swing(product, weight)
+        return Along(product, weight)
     some = np.random.default_rng(0).choice(len(places), min(STARTS, len(places)))
     row, column = places[some].T.astype(np.float64)
     goes = np.ones(len(row), bool)
@@ -168,7 +274,7 @@ def follow_locks(
         weight[lag] = (start * sure).sum()
         row = row + STEP / pixel * np.sin(heading)
         column = column + STEP / pixel * np.cos(heading)
-    return Swing(product, weight)
+    return Along(product, weight)
 
 
 def find_period(along: Float[np.ndarray, " lags"]) -> float | None:

@@ -55,6 +55,8 @@ CLOSE = Ends((0.02, 0.002), (0.1, 0.01))
 CLOSE_COUNTS = 2.0
 TRAVEL = (0.5, 0.05)  # what tips take leaves about a third after so far
 FARTHEST_SHARE = 0.9  # of the hull lies nearer to the scalp than hair is said to reach
+FALL = 0.4  # how much hair falls that nobody sees, against how much it flows
+GUESSED = 0.5  # its anisotropy
 STEPS = np.array(
     [
         (i, j, k)
@@ -99,6 +101,24 @@ def hair_flow(
     out = np.zeros((*hull.grid.shape, 3))
     out[hull.hair] = flow
     return out[nearest_in(hull.hair)]
+
+
+def fallen(hull: Hull, scalp_points: Float[np.ndarray, "points 3"]) -> Field:
+    """Return the field of hair of which nothing but its outline is known.
+
+    It flows out of the scalp to where the hull lets it end, up or down more easily than
+    aside, and falls a little.
+
+    Args:
+        hull: Where hair can be.
+        scalp_points: Points all over the scalp where hair grows, in metres.
+    """
+    down = np.zeros((*hull.grid.shape, 3))
+    down[..., 1] = -1.0
+    upright = Field(down, np.zeros(hull.grid.shape))
+    direction = hair_flow(hull, upright, scalp_points) + FALL * down
+    size = np.linalg.norm(direction, axis=-1, keepdims=True)
+    return Field(direction / np.maximum(size, 1e-30), np.full(size.shape[:-1], GUESSED))
 
 
 def _unit_flow(

@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -31,11 +31,11 @@ from .confidence import ConfidenceConfig, with_confidence
 from .consistency import carve_by_direction
 from .corners import carve_corners
 from .cost import Quality, affordable, refine_until
-from .curls import find_curls, lock_directions, points_for
+from .curls import Curls, points_for, see_curls
 from .density import TEXELS
 from .derive import Derived, derive_hair, with_spare
 from .evidence import Field, diffuse, gather
-from .flow import hair_flow
+from .flow import fallen, hair_flow
 from .gather import Rooted, gather_strands
 from .grow import GrowConfig, grow
 from .hull import Hull, carve
@@ -69,6 +69,9 @@ Progress = Callable[[str, float], None]
 # Strands shorter than this did not grow: their roots are bare. Metres.
 SHORTEST = 0.008
 FEWEST_GROWN = 50
+# Locks of curly hair do not slide along the hull, where only the sides of turns are:
+# they end where they leave it, see `GrowConfig.steepest`.
+STEEPEST_CURLS = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -191,7 +194,7 @@ def fit_capture(
     tree = refine(
         tree,
         _samples(tree, preset, config),
-        Photographs(views, depths, photo_maps(views, first.maps, depths)),
+        Photographs(views, depths, photo_maps(views, first.curls.maps, depths)),
         hair_volume(hull, first.field),
         inner_places(hull),
         preset.refine,
@@ -203,14 +206,16 @@ def fit_capture(
     progress("finding what is certain", 0.95)
     samples = _samples(tree, preset, config)
     sure = ConfidenceConfig(points=preset.refine.points)
-    tree = with_confidence(tree, samples, views, depths, first.maps, sure, room=room)
+    tree = with_confidence(
+        tree, samples, views, depths, first.curls.maps, sure, room=room
+    )
     # Rounded as its file will hold it, so that the strands are those of the file.
     tree = round_tree(tree)
     progress("drawing strands", 0.96)
     # As many strands as will be drawn, whose program is there already.
     key, spared = jax.random.key(config.seed), with_spare(config.strands)
-    points = points_for(tree, first.curl, STRAND_POINTS)
-    maps = single(even_maps(TEXELS, TEXELS, curl=first.curl))
+    points = points_for(tree, first.curls.radius, STRAND_POINTS)
+    maps = single(even_maps(TEXELS, TEXELS, curl=first.curls.radius))
     tree = dataclasses.replace(tree, maps=maps)
     maps = thinned(maps, sample_hair(tree, spared, points, key), first.shots.sights)
     tree = round_tree(dataclasses.replace(tree, maps=maps))
@@ -232,7 +237,8 @@ def fit_capture(
         "root_clusters": int((parent < 0).sum()),
         "leaf_clusters": len(leaves(tree)),
         "cylinder_error_mm": 1e3 * first.error,
-        "curl_radius_mm": 1e3 * first.curl,
+        "direction_seen": first.curls.told,
+        "curl_radius_mm": 1e3 * first.curls.radius,
         "median_length_mm": 1e3 * float(np.median(strand_lengths(hair.strands))),
     }
     return FitResult(
@@ -252,9 +258,8 @@ class First(NamedTuple):
 
     Attributes:
         shots: The photographs.
-        maps: Orientation maps of those that are used; of their locks, where hair curls.
+        curls: How curly the hair is, and what those that are used say of its locks.
         all_maps: Orientation maps of all of them.
-        curl: Radius of the hair's curls in metres, 0 where none are seen.
         hull: Where hair can be.
         field: Which way it runs there.
         tree: The tree of the grown strands.
@@ -264,9 +269,8 @@ class First(NamedTuple):
     """
 
     shots: Shots
-    maps: list[OrientationMap]
+    curls: Curls
     all_maps: list[OrientationMap]
-    curl: float
     hull: Hull
     field: Field
     tree: HairTree
@@ -307,20 +311,18 @@ def _first_tree(
         all_maps = mute_clipped(shots.trusted.views, all_maps, shots.doubts)
         maps = [all_maps[k] for k in shots.used]
         progress("carving by direction", 0.35)
-        hull = carve_by_direction(hull, views, maps, depths)
-        curl = find_curls(hull, views, maps)
-        if curl > 0.0:
-            locks = zip(views, maps, strict=True)
-            maps = [lock_directions(hull, *one) for one in locks]
+        allowed, hull = hull, carve_by_direction(hull, views, maps, depths)
         scalp = capture.scalp or wrapped_scalp(shots, head)
         progress("growing strands", 0.4)
-        field = _field(hull, shots, maps, store)
-        uv, grown = _grow(hull, field, scalp, preset, config, store)
+        curls = see_curls(hull, views, maps, depths)
+        hull = hull if curls.told else allowed
+        field = _field(hull, shots, curls, scalp, preset, config, store)
+        uv, grown = _grow(hull, field, curls, scalp, preset, config, store)
         progress("fitting cylinders", 0.5)
         tree, error = _tree(scalp, uv, grown, preset, config, store)
     roots = len(np.unique(uv, axis=0))
     branches = len(uv) - roots
-    return First(shots, maps, all_maps, curl, hull, field, tree, error, roots, branches)
+    return First(shots, curls, all_maps, hull, field, tree, error, roots, branches)
 
 
 class Grown(NamedTuple):
@@ -331,20 +333,44 @@ class Grown(NamedTuple):
 
 
 def _field(
-    hull: Hull, shots: Shots, maps: Sequence[OrientationMap], store: Checkpoint
+    hull: Hull,
+    shots: Shots,
+    curls: Curls,
+    scalp: Scalp,
+    preset: Preset,
+    config: FitConfig,
+    store: Checkpoint,
 ) -> Field:
     saved = store.load("field")
     if saved is None:
-        evidence = gather(hull, shots.views, maps, shots.depths)
-        found = diffuse(hull, evidence)
+        if curls.told:
+            evidence = gather(hull, shots.views, curls.maps, shots.depths)
+            found = diffuse(hull, evidence)
+        else:
+            found = fallen(hull, _roots(scalp, preset, config).points)
         saved = {"direction": found.direction, "anisotropy": found.anisotropy}
         store.save("field", saved)
     return Field(**saved)
 
 
+class Roots(NamedTuple):
+    """Where strands grow: in scalp space, in the world, and out of the skin."""
+
+    uv: Float[np.ndarray, "roots 2"]
+    points: Float[np.ndarray, "roots 3"]
+    normals: Float[np.ndarray, "roots 3"]
+
+
+def _roots(scalp: Scalp, preset: Preset, config: FitConfig) -> Roots:
+    uv = sample_roots(scalp, preset.guides, jax.random.key(config.seed))
+    found = uv, points_on(scalp, uv), normals_on(scalp, uv)
+    return Roots(*(np.asarray(one, np.float64) for one in found))
+
+
 def _grow(
     hull: Hull,
     field: Field,
+    curls: Curls,
     scalp: Scalp,
     preset: Preset,
     config: FitConfig,
@@ -352,10 +378,9 @@ def _grow(
 ) -> Grown:
     saved = store.load("grown")
     if saved is None:
-        uv = sample_roots(scalp, preset.guides, jax.random.key(config.seed))
-        roots = np.asarray(points_on(scalp, uv), np.float64)
-        normals = np.asarray(normals_on(scalp, uv), np.float64)
-        step = GrowConfig(step=max(0.003, 0.8 * preset.spacing))
+        uv, roots, normals = _roots(scalp, preset, config)
+        steepest = STEEPEST_CURLS if curls.radius > 0.0 else GrowConfig.steepest
+        step = GrowConfig(step=max(0.003, 0.8 * preset.spacing), steepest=steepest)
         flow = hair_flow(hull, field, roots)
         strands = grow(hull, field, flow, roots, normals, GROWN_POINTS, step)
         some = along_paths(strands)[:, -1] > SHORTEST
@@ -365,7 +390,7 @@ def _grow(
                 "check that `head.obj` stands where the cameras see the head, and that "
                 "`masks/hair` hold the hair on it."
             )
-        uv, strands = np.asarray(uv, np.float64)[some], strands[some]
+        uv, strands = uv[some], strands[some]
         strands, origin = with_branches(hull, field, flow, strands, step, config.seed)
         saved = {"uv": uv[origin], "strands": resample_paths(strands, preset.knots)}
         store.save("grown", saved)

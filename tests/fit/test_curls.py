@@ -3,16 +3,17 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from ball_hair import camera_at, hull_where, photograph, view_of
+from ball_hair import camera_at, hull_where, meridian, photograph, ring, view_of
 
 from hairfit.capture import load_capture
 from hairfit.capture.orientation import OrientationMap, estimate_orientation
 from hairfit.fit.curls import (
-    find_curls,
+    UNSEEN,
     find_period,
     lock_directions,
     pixel_size,
     points_for,
+    see_curls,
 )
 from hairfit.model.fur import PITCH, curl_strands
 from hairfit.model.tree import leaves
@@ -47,30 +48,87 @@ def seen(strands):
     return found.views, found.maps
 
 
+def radius_of(views, maps, hull=HULL):
+    depths = [np.full(view.hair.shape, np.inf) for view in views]
+    return see_curls(hull, views, maps, depths).radius
+
+
 @pytest.mark.parametrize("radius", [0.0035, 0.005, 0.006])
 def test_the_radius_of_curls_is_found(radius):
-    found = find_curls(HULL, *seen(curtain(radius, PITCH * radius)))
+    found = radius_of(*seen(curtain(radius, PITCH * radius)))
     assert found == pytest.approx(radius, rel=0.1)
 
 
 def test_hair_that_does_not_curl_has_no_radius():
-    assert find_curls(HULL, *seen(curtain())) == 0.0
-    assert find_curls(HULL, *seen(curtain(bend=0.03))) == 0.0
+    assert radius_of(*seen(curtain())) == 0.0
+    assert radius_of(*seen(curtain(bend=0.03))) == 0.0
     # Waves are no curls: 14 degrees from their lock.
-    assert find_curls(HULL, *seen(curtain(0.0018, 0.045))) == 0.0
+    assert radius_of(*seen(curtain(0.0018, 0.045))) == 0.0
+
+
+def test_straight_hair_is_taken_as_it_looks():
+    views, maps = seen(curtain())
+    found = see_curls(HULL, views, maps, [np.full(views[0].hair.shape, np.inf)])
+    assert found.told and all(a is b for a, b in zip(found.maps, maps, strict=True))
 
 
 def test_angles_that_repeat_nowhere_are_no_curls():
     views, maps = seen(curtain())
     angle = np.random.default_rng(1).uniform(0.0, np.pi, maps[0].angle.shape)
-    assert find_curls(HULL, views, [dataclasses.replace(maps[0], angle=angle)]) == 0.0
+    assert radius_of(views, [dataclasses.replace(maps[0], angle=angle)]) == 0.0
 
 
 def test_photographs_that_say_nothing_have_no_curls():
     hair = np.zeros((FRONT.height, FRONT.width), bool)
     zero = np.zeros(hair.shape)
     blind = OrientationMap(zero, zero, zero)
-    assert find_curls(HULL, [view_of(FRONT, hair)], [blind]) == 0.0
+    assert radius_of([view_of(FRONT, hair)], [blind]) == 0.0
+
+
+def around(turn, sure, noise=0.0, says=1.0):
+    """Return a ball of hair that hangs, seen at so many radians from upright.
+
+    `turn` is the angle in each of the twelve views, `says` the share of the pixels that
+    say anything.
+    """
+    rng = np.random.default_rng(0)
+    polar = rng.uniform(0.2, 2.6, 4000)
+    azimuth = rng.uniform(0.0, 2.0 * np.pi, 4000)
+    share = np.linspace(0.0, 0.25, 6)
+    strands = meridian(polar[:, None] + share, azimuth[:, None], 0.01)
+    found = photograph(strands, ring(12, finer=2), None, radius_px=2.5)
+    maps = []
+    for view, extra in zip(found.views, turn, strict=True):
+        shape = view.hair.shape
+        angle = 0.5 * np.pi + extra + noise * rng.normal(size=shape)
+        heard = view.hair & (rng.uniform(size=shape) < says)
+        maps.append(OrientationMap(angle % np.pi, sure * heard, np.ones(shape)))
+    hull = hull_where(
+        lambda p: np.abs(np.linalg.norm(p, axis=1) - 0.085) < 0.008,
+        [-0.1] * 3,
+        [0.1] * 3,
+        0.004,
+    )
+    return hull, found.views, maps, found.depths
+
+
+def test_photographs_that_contradict_each_other_say_nothing():
+    # Every third view sees the hair upright, the others at 60 degrees to either side.
+    apart = np.tile([0.0, 1.05, -1.05], 4)
+    found = see_curls(*around(apart, 0.07))
+    assert found.radius == UNSEEN and not found.told
+    assert not any(m.confidence.any() for m in found.maps)
+
+
+def test_photographs_that_agree_are_believed_however_unsure():
+    found = see_curls(*around(np.zeros(12), 0.07, noise=0.5))
+    assert found.radius == 0.0 and found.told
+
+
+def test_photographs_of_noise_alone_are_taken_as_they_are():
+    # Nothing is said by half of the pixels, and nonsense by the others.
+    apart = np.tile([0.0, 1.05, -1.05], 4)
+    assert see_curls(*around(apart, 0.07, says=0.5)).told
 
 
 def test_locks_run_down_where_their_curls_do_not():
@@ -140,4 +198,4 @@ def test_curls_of_drawn_photographs_are_found(tmp_path):
         lambda p: np.linalg.norm(p, axis=1) < 0.1, [-0.1] * 3, [0.1] * 3, 0.01
     )
     # Drawn with a turn in 33 mm.
-    assert find_curls(hull, views, maps) == pytest.approx(0.033 / PITCH, rel=0.1)
+    assert radius_of(views, maps, hull) == pytest.approx(0.033 / PITCH, rel=0.1)

@@ -3,7 +3,7 @@ import pytest
 from ball_hair import hull_where
 
 from hairfit.fit.evidence import Field
-from hairfit.fit.flow import Links, hair_flow, solve_potential
+from hairfit.fit.flow import Links, fallen, hair_flow, solve_potential
 
 SPACING = 0.004
 
@@ -111,3 +111,27 @@ def test_tips_near_the_scalp_turn_the_sense_and_no_strand_aside(monkeypatch):
     assert np.allclose(np.abs(along), np.abs(before), atol=1e-6)
     turned = along * before < 0.0
     assert 0.0 < turned.mean() < 0.5
+
+
+def test_hair_of_which_nothing_is_known_grows_out_and_falls():
+    # A ball of hair around a round head.
+    hull = hull_where(
+        lambda p: (
+            (np.linalg.norm(p, axis=1) > 0.05) & (np.linalg.norm(p, axis=1) < 0.1)
+        ),
+        [-0.11] * 3,
+        [0.11] * 3,
+        SPACING,
+    )
+    out = np.random.default_rng(0).normal(size=(4000, 3))
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    field = fallen(hull, 0.05 * out)
+    found = field.direction[hull.hair]
+    place = hull.grid.centres(hull.hair)
+    place /= np.linalg.norm(place, axis=1, keepdims=True)
+    assert np.allclose(np.linalg.norm(found, axis=1), 1.0)
+    level = np.abs(place[:, 1]) < 0.3
+    assert np.mean((found * place).sum(axis=1)[level] > 0.5) > 0.9
+    assert np.mean(found[level, 1]) < -0.2
+    assert np.mean(found[place[:, 1] < -0.7, 1]) < -0.8
+    assert ((field.anisotropy > 0.0) & (field.anisotropy < 1.0)).all()

@@ -1,3 +1,5 @@
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,6 +12,7 @@ from hairfit.errors import InputError
 from hairfit.evaluate.curls import find_curls
 from hairfit.fit import FitConfig, fit_capture, pipeline
 from hairfit.fit.branches import BATCH, ROUNDS
+from hairfit.fit.curls import Curls
 from hairfit.fit.derive import derive_strands
 from hairfit.fit.pipeline import PRESETS, STRAND_POINTS, Preset
 from hairfit.fit.refine import RefineConfig
@@ -122,15 +125,25 @@ def test_the_tree_has_the_colour_of_the_hair(fitted, capture):
     assert np.allclose(colour / colour.sum(), true / true.sum(), atol=0.03)
 
 
+def mute(maps):
+    return [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
+
+
 @pytest.mark.slow
 def test_strands_of_curly_hair_curl(fitted, capture, monkeypatch):
     straight, _ = fitted
     assert straight.figures["curl_radius_mm"] == 0.0
+    assert straight.figures["direction_seen"]
     assert straight.tree.maps is not None and not straight.tree.maps.curl.any()
-    monkeypatch.setattr(pipeline, "find_curls", lambda *_: 0.004)
-    monkeypatch.setattr(pipeline, "lock_directions", lambda hull, view, found: found)
+    # Nor do its photographs say which way it runs.
+    monkeypatch.setattr(
+        pipeline,
+        "see_curls",
+        lambda _, views, maps, *__: Curls(0.004, mute(maps), False),
+    )
     result = fit_capture(capture, CONFIG)
     assert result.figures["curl_radius_mm"] == 4.0
+    assert not result.figures["direction_seen"]
     maps = result.tree.maps
     assert maps is not None and np.allclose(maps.curl, 0.004, atol=1e-5)
     assert result.strands.points.shape[0] > straight.strands.points.shape[0]
