@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from ball_hair import camera_at, hull_where, meridian, photograph, ring, view_of
+from scipy import ndimage
 
 from hairfit.capture import load_capture
 from hairfit.capture.orientation import OrientationMap, estimate_orientation
@@ -11,6 +12,7 @@ from hairfit.fit.curls import (
     UNSEEN,
     find_period,
     lock_directions,
+    noisy,
     pixel_size,
     points_for,
     see_curls,
@@ -199,3 +201,26 @@ def test_curls_of_drawn_photographs_are_found(tmp_path):
     )
     # Drawn with a turn in 33 mm.
     assert radius_of(views, maps, hull) == pytest.approx(0.033 / PITCH, rel=0.1)
+
+
+def grainy(noise):
+    """Return a photograph of stripes that run down, with grain, and its map."""
+    x = np.arange(256)
+    stripes = np.tile(0.3 + 0.1 * np.sin(2 * np.pi * x / 12), (256, 1))
+    grain = np.random.default_rng(0).normal(size=stripes.shape)
+    image = np.repeat((stripes + noise * grain)[..., None], 3, axis=2)
+    hair = np.ones(stripes.shape, bool)
+    camera = dataclasses.replace(FRONT, width=256, height=256)
+    view = dataclasses.replace(view_of(camera, hair), image=image)
+    return [view], [estimate_orientation(image, hair)]
+
+
+def test_grain_is_what_goes_when_smoothed():
+    assert noisy(*grainy(0.2))
+    assert not noisy(*grainy(0.0))
+    # Texture as fine as grain becomes no clearer.
+    views, _ = grainy(0.0)
+    fine = np.random.default_rng(1).normal(0.5, 0.1, views[0].image.shape)
+    fine = ndimage.gaussian_filter(fine, (1.0, 1.0, 0.0))
+    maps = [estimate_orientation(fine, views[0].hair)]
+    assert not noisy([dataclasses.replace(views[0], image=fine)], maps)
