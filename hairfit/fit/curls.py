@@ -15,6 +15,7 @@ half; a pitch gives the radius as it does for the curls of single hairs, see `fu
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -47,7 +48,7 @@ LEAST_SWING = 0.15
 # Maps that are surer are not asked whether they contradict each other.
 SURE = 0.2
 # The median error of locks about one line at which they do, in radians: drawn afros and
-# ringlets have 10 degrees, all else 4 at most, and 6 with much noise.
+# ringlets have 10 degrees, all else 4 at most, but with much noise up to 10 as well.
 CONTRADICTION = math.radians(7.0)
 LEAST_SAYING = 0.75  # share of the hair's pixels that must say something
 LEAST_KNOWN = 0.05  # and of its voxels that three photographs must see
@@ -110,33 +111,38 @@ def see_curls(
         depths: Depth of the head in each photograph, in metres.
     """
     straight = Curls(0.0, list(maps), True)
-    swings = swing(hull, views, maps) > LEAST_SWING
+    pixels = pixel_sizes(hull, views)
+
+    @functools.cache
+    def lock(k: int) -> OrientationMap:
+        return lock_directions(views[k].hair, maps[k], pixels[k])
+
+    few = range(0, len(views), -(-len(views) // MOST_VIEWS))
+    swings = swing([maps[k] for k in few], [lock(k) for k in few]) > LEAST_SWING
     if not swings and mean_confidence(views, maps) > SURE:
         return straight
-    locks = [lock_directions(hull, *one) for one in zip(views, maps, strict=True)]
-    radius = find_radius(hull, views, maps, locks) if swings else 0.0
-    if radius > 0.0:
-        return Curls(radius, locks, True)
-    if contradict(hull, views, maps, locks, depths) and not noisy(views, maps):
+    locks = [lock(k) for k in range(len(views))]
+    if swings:
+        radius = find_radius(
+            [follow_locks(views[k].hair, maps[k], locks[k], pixels[k]) for k in few]
+        )
+        if radius > 0.0:
+            return Curls(radius, locks, True)
+    seen = [views[k] for k in few], [maps[k] for k in few]
+    if contradict(hull, views, maps, locks, depths) and not noisy(*seen):
         mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
         return Curls(UNSEEN, mute, False)
     return straight
 
 
-def swing(hull: Hull, views: Sequence[View], maps: Sequence[OrientationMap]) -> float:
+def swing(maps: Sequence[OrientationMap], locks: Sequence[OrientationMap]) -> float:
     """Return the mean square of the sine of twice the angle between hair and locks."""
     square = total = 0.0
-    for k in some_of(views):
-        lock = lock_directions(hull, views[k], maps[k])
-        sine = np.sin(2.0 * (maps[k].angle - lock.angle))
-        square += float((maps[k].confidence * sine**2).sum())
-        total += float(maps[k].confidence.sum())
+    for found, lock in zip(maps, locks, strict=True):
+        sine = np.sin(2.0 * (found.angle - lock.angle))
+        square += float((found.confidence * sine**2).sum())
+        total += float(found.confidence.sum())
     return square / max(total, 1e-12)
-
-
-def some_of(views: Sequence[View]) -> range:
-    """Return which views are looked at where a few do."""
-    return range(0, len(views), -(-len(views) // MOST_VIEWS))
 
 
 def mean_confidence(views: Sequence[View], maps: Sequence[OrientationMap]) -> float:
@@ -154,15 +160,13 @@ def noisy(views: Sequence[View], maps: Sequence[OrientationMap]) -> bool:
         views: The photographs.
         maps: Their orientation maps.
     """
-    some = [views[k] for k in some_of(views)]
     smooth = [
         estimate_orientation(
             ndimage.gaussian_filter(v.image, (GRAIN, GRAIN, 0)), v.hair
         )
-        for v in some
+        for v in views
     ]
-    before = mean_confidence(some, [maps[k] for k in some_of(views)])
-    return mean_confidence(some, smooth) > SURER * before
+    return mean_confidence(views, smooth) > SURER * mean_confidence(views, maps)
 
 
 def contradict(
@@ -200,43 +204,33 @@ def contradict(
     return bool(np.sqrt(np.median(known)) * SIGMA_SURE > CONTRADICTION)
 
 
-def find_radius(
-    hull: Hull,
-    views: Sequence[View],
-    maps: Sequence[OrientationMap],
-    locks: Sequence[OrientationMap],
-) -> float:
+def find_radius(along: Sequence[Along]) -> float:
     """Return the radius of curls in metres by their pitch, 0 where nothing repeats.
 
     Args:
-        hull: Where hair can be, which says how large a pixel is.
-        views: The photographs.
-        maps: Their orientation maps.
-        locks: Maps of the locks' directions.
+        along: What angles do along the locks of some photographs.
     """
-    along = [
-        follow_locks(views[k].hair, maps[k], locks[k], pixel_size(hull, views[k]))
-        for k in some_of(views)
-    ]
     product, weight = (np.sum(sums, axis=0) for sums in zip(*along, strict=True))
     many = weight > FEW * weight[0]
     pitch = find_period(np.where(many, product / np.maximum(weight, 1e-12), 0.0))
     return 0.0 if pitch is None else STEP * pitch / PITCH
 
 
-def lock_directions(hull: Hull, view: View, found: OrientationMap) -> OrientationMap:
+def lock_directions(
+    hair: Bool[np.ndarray, "height width"], found: OrientationMap, pixel: float
+) -> OrientationMap:
     """Return the map of the locks' directions: what curls swing about.
 
     Every pixel of hair that says anything counts alike, as one side of a turn is seen
     sharper than the other. How far they disagree is the error to expect.
 
     Args:
-        hull: Where hair can be, which says how large a pixel is.
-        view: The photograph.
-        found: Its orientation map.
+        hair: Which pixels are hair.
+        found: The orientation map.
+        pixel: Width of a pixel, in metres.
     """
-    blur = LOCK / pixel_size(hull, view)
-    says = (view.hair & (found.confidence > 0.0)).astype(np.float32)
+    blur = LOCK / pixel
+    says = (hair & (found.confidence > 0.0)).astype(np.float32)
     cosine, sine, count = (
         ndimage.gaussian_filter(says * part, blur, truncate=3.0)
         for part in (np.cos(2.0 * found.angle), np.sin(2.0 * found.angle), 1.0)
@@ -244,19 +238,21 @@ def lock_directions(hull: Hull, view: View, found: OrientationMap) -> Orientatio
     angle = np.mod(np.arctan2(sine, cosine) / 2.0, np.pi)
     agree = np.hypot(cosine, sine) / np.maximum(count, 1e-6)
     spread = np.sqrt(-2.0 * np.log(np.clip(agree, 1e-3, 1.0))) / 2.0
-    sigma = np.where(view.hair, np.minimum(spread, SIGMA_BLIND), SIGMA_BLIND)
+    sigma = np.where(hair, np.minimum(spread, SIGMA_BLIND), SIGMA_BLIND)
     return OrientationMap(
         angle.astype(np.float32),
-        np.where(view.hair, agree, 0.0).astype(np.float32),
+        np.where(hair, agree, 0.0).astype(np.float32),
         sigma.astype(np.float32),
     )
 
 
-def pixel_size(hull: Hull, view: View) -> float:
-    """Return how wide a pixel is at the middle of the hair, in metres."""
+def pixel_sizes(hull: Hull, views: Sequence[View]) -> list[float]:
+    """Return how wide a pixel of each view is at the middle of the hair, in metres."""
     middle = hull.grid.centres(hull.hair).mean(axis=0, keepdims=True)
-    depth = float(project_points(middle, view.camera).depth[0])
-    return depth / float(view.camera.K[0, 0])
+    return [
+        float(project_points(middle, view.camera).depth[0]) / float(view.camera.K[0, 0])
+        for view in views
+    ]
 
 
 def follow_locks(
@@ -294,11 +290,11 @@ def follow_locks(
         angle = lock.angle[y, x].astype(np.float64)
         back = (np.cos(angle - heading) < 0.0) & (lag > 0)
         heading = np.where(back, angle + math.pi, angle)
-        swing = np.sin(2.0 * (found.angle[y, x] - heading))
+        sine = np.sin(2.0 * (found.angle[y, x] - heading))
         sure = found.confidence[y, x] * goes
         if not lag:
-            first, start = swing, sure
-        product[lag] = (start * sure * first * swing).sum()
+            first, start = sine, sure
+        product[lag] = (start * sure * first * sine).sum()
         weight[lag] = (start * sure).sum()
         row = row + STEP / pixel * np.sin(heading)
         column = column + STEP / pixel * np.cos(heading)

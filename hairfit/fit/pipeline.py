@@ -316,13 +316,16 @@ def _first_tree(
         progress("growing strands", 0.4)
         curls = see_curls(hull, views, maps, depths)
         hull = hull if curls.told else allowed
-        field = _field(hull, shots, curls, scalp, preset, config, store)
-        uv, grown = _grow(hull, field, curls, scalp, preset, config, store)
+        roots = _roots(scalp, preset, config)
+        field = _field(hull, shots, curls, roots, store)
+        uv, grown = _grow(hull, field, curls, roots, preset, config, store)
         progress("fitting cylinders", 0.5)
         tree, error = _tree(scalp, uv, grown, preset, config, store)
-    roots = len(np.unique(uv, axis=0))
-    branches = len(uv) - roots
-    return First(shots, curls, all_maps, hull, field, tree, error, roots, branches)
+    single_roots = len(np.unique(uv, axis=0))
+    branches = len(uv) - single_roots
+    return First(
+        shots, curls, all_maps, hull, field, tree, error, single_roots, branches
+    )
 
 
 class Grown(NamedTuple):
@@ -330,27 +333,6 @@ class Grown(NamedTuple):
 
     uv: Float[np.ndarray, "strands 2"]
     strands: Float[np.ndarray, "strands knots 3"]
-
-
-def _field(
-    hull: Hull,
-    shots: Shots,
-    curls: Curls,
-    scalp: Scalp,
-    preset: Preset,
-    config: FitConfig,
-    store: Checkpoint,
-) -> Field:
-    saved = store.load("field")
-    if saved is None:
-        if curls.told:
-            evidence = gather(hull, shots.views, curls.maps, shots.depths)
-            found = diffuse(hull, evidence)
-        else:
-            found = fallen(hull, _roots(scalp, preset, config).points)
-        saved = {"direction": found.direction, "anisotropy": found.anisotropy}
-        store.save("field", saved)
-    return Field(**saved)
 
 
 class Roots(NamedTuple):
@@ -367,22 +349,41 @@ def _roots(scalp: Scalp, preset: Preset, config: FitConfig) -> Roots:
     return Roots(*(np.asarray(one, np.float64) for one in found))
 
 
+def _field(
+    hull: Hull,
+    shots: Shots,
+    curls: Curls,
+    roots: Roots,
+    store: Checkpoint,
+) -> Field:
+    saved = store.load("field")
+    if saved is None:
+        if curls.told:
+            evidence = gather(hull, shots.views, curls.maps, shots.depths)
+            found = diffuse(hull, evidence)
+        else:
+            found = fallen(hull, roots.points)
+        saved = {"direction": found.direction, "anisotropy": found.anisotropy}
+        store.save("field", saved)
+    return Field(**saved)
+
+
 def _grow(
     hull: Hull,
     field: Field,
     curls: Curls,
-    scalp: Scalp,
+    roots: Roots,
     preset: Preset,
     config: FitConfig,
     store: Checkpoint,
 ) -> Grown:
     saved = store.load("grown")
     if saved is None:
-        uv, roots, normals = _roots(scalp, preset, config)
+        uv, start, normals = roots
         steepest = STEEPEST_CURLS if curls.radius > 0.0 else GrowConfig.steepest
         step = GrowConfig(step=max(0.003, 0.8 * preset.spacing), steepest=steepest)
-        flow = hair_flow(hull, field, roots)
-        strands = grow(hull, field, flow, roots, normals, GROWN_POINTS, step)
+        flow = hair_flow(hull, field, start)
+        strands = grow(hull, field, flow, start, normals, GROWN_POINTS, step)
         some = along_paths(strands)[:, -1] > SHORTEST
         if some.sum() < FEWEST_GROWN:
             raise InputError(

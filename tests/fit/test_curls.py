@@ -13,7 +13,7 @@ from hairfit.fit.curls import (
     find_period,
     lock_directions,
     noisy,
-    pixel_size,
+    pixel_sizes,
     points_for,
     see_curls,
 )
@@ -25,6 +25,7 @@ from hairfit.synthetic.styles import make_style
 from hairfit.types import along_paths
 
 FRONT = camera_at([0.0, 0.0, 0.4], finer=4)
+PIXEL = 0.4 / 640  # metres: 0.4 m before the lens, of 640 pixels' focal length
 HULL = hull_where(lambda p: np.abs(p[:, 2]) < 0.01, [-0.1] * 3, [0.1] * 3, 0.01)
 
 
@@ -135,7 +136,7 @@ def test_photographs_of_noise_alone_are_taken_as_they_are():
 
 def test_locks_run_down_where_their_curls_do_not():
     views, maps = seen(curtain(0.005, 0.03))
-    lock = lock_directions(HULL, views[0], maps[0])
+    lock = lock_directions(views[0].hair, maps[0], PIXEL)
     hair = views[0].hair
 
     def away(found):
@@ -152,7 +153,7 @@ def test_locks_run_down_where_their_curls_do_not():
 
 def test_straight_hair_is_its_own_lock():
     views, maps = seen(curtain())
-    lock = lock_directions(HULL, views[0], maps[0])
+    lock = lock_directions(views[0].hair, maps[0], PIXEL)
     hair = views[0].hair
     turn = np.sin(lock.angle - maps[0].angle)[hair]
     assert np.percentile(np.abs(turn), 95) < np.radians(3)
@@ -161,8 +162,7 @@ def test_straight_hair_is_its_own_lock():
 
 def test_a_pixel_is_as_wide_as_its_camera_makes_it():
     hair = np.ones((FRONT.height, FRONT.width), bool)
-    # 0.4 m before the lens, of 640 pixels' focal length.
-    assert pixel_size(HULL, view_of(FRONT, hair)) == pytest.approx(0.4 / 640)
+    assert pixel_sizes(HULL, [view_of(FRONT, hair)]) == [pytest.approx(PIXEL)]
 
 
 def test_the_period_is_that_of_the_first_peak():
