@@ -4,10 +4,10 @@ Where hair curls, what a pixel shows is the side of a turn, not the lock. Over t
 of a turn the angles average to the lock's own direction. Along the lock they swing
 about it and repeat after a turn: the first peak of their autocorrelation is the pitch.
 
-Of curls that are finer, or steeper than 45 degrees, a map shows one side of every turn,
-and looks as if hair ran across its locks. Photographs from other sides then contradict
-it: no line in space is seen so by three. Such hair is taken to curl at no known pitch,
-and its maps to say nothing of its locks. All other hair is taken as it looks.
+Curls that are finer, or steeper than 45 degrees, cross and hide one another: maps are
+hardly sure of any direction, nor are those of smoother photographs, which show what
+noise hides. Such hair is taken to curl at no known pitch; its maps then say nothing of
+its locks. All other hair is taken as it looks.
 
 The phases of curls and their handedness are not recovered: neighbours hide one another,
 and photographs from far apart see other locks. Nor is their slope, of which maps show
@@ -15,7 +15,6 @@ half; a pitch gives the radius as it does for the curls of single hairs, see `fu
 """
 
 import dataclasses
-import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -27,7 +26,6 @@ from scipy import ndimage
 from ..capture.capture import View
 from ..capture.orientation import (
     SIGMA_BLIND,
-    SIGMA_SURE,
     OrientationMap,
     estimate_orientation,
 )
@@ -35,7 +33,6 @@ from ..model.fur import PITCH
 from ..model.tree import HairTree, leaves
 from ..render.raster import project_points
 from ..types import along_paths
-from .consistency import disagreement
 from .hull import Hull
 
 # Standard deviation of the Gaussian over which angles are averaged, in metres: half of
@@ -45,16 +42,13 @@ LOCK = 0.016
 # angle. Drawn curls have 0.30, waves 0.07, all that is straight or tied 0.05 at most;
 # waves are nearer to their mean direction than to waves of another phase.
 LEAST_SWING = 0.15
-# Maps that are surer are not asked whether they contradict each other.
-SURE = 0.2
-# The median error of locks about one line at which they do, in radians: drawn afros and
-# ringlets have 10 degrees, all else 4 at most, but with much noise up to 10 as well.
-CONTRADICTION = math.radians(7.0)
-LEAST_SAYING = 0.75  # share of the hair's pixels that must say something
-LEAST_KNOWN = 0.05  # and of its voxels that three photographs must see
-# Smoothed by a Gaussian of so many pixels, noisy photographs of straight hair are three
-# to four times as sure, those of afros and ringlets no surer.
-GRAIN, SURER = 2.5, 1.7
+# Maps that are surer in the mean show a direction. Drawn afros and ringlets have 0.07
+# and 0.16; straight, waved and tied hair has more than 0.2 unless noise hides it.
+SURE = 0.17
+# Noise goes in photographs that are smoothed by a Gaussian of so many pixels: straight
+# hair in it becomes three and more times as sure, afros and ringlets twice at most.
+GRAIN, SURER = 4.0, 2.5
+BLIND = 0.08  # and where they then are no surer than this, nothing was hidden
 UNSEEN = 0.0035  # radius of curls that are too fine or too steep to be seen, in metres
 # The autocorrelation falls below the first between turns, and rises above the second.
 BETWEEN, AGAIN = -0.05, 0.2
@@ -100,7 +94,6 @@ def see_curls(
     hull: Hull,
     views: Sequence[View],
     maps: Sequence[OrientationMap],
-    depths: Sequence[Float[np.ndarray, "_height _width"]],
 ) -> Curls:
     """Return how curly the photographed hair is, and which way its locks run.
 
@@ -108,31 +101,29 @@ def see_curls(
         hull: Where hair can be.
         views: The photographs.
         maps: Their orientation maps.
-        depths: Depth of the head in each photograph, in metres.
     """
     straight = Curls(0.0, list(maps), True)
     pixels = pixel_sizes(hull, views)
-
-    @functools.cache
-    def lock(k: int) -> OrientationMap:
-        return lock_directions(views[k].hair, maps[k], pixels[k])
-
     few = range(0, len(views), -(-len(views) // MOST_VIEWS))
-    swings = swing([maps[k] for k in few], [lock(k) for k in few]) > LEAST_SWING
-    if not swings and mean_confidence(views, maps) > SURE:
-        return straight
-    locks = [lock(k) for k in range(len(views))]
-    if swings:
+    some = [views[k] for k in few], [maps[k] for k in few]
+
+    def locks(those: Sequence[int]) -> list[OrientationMap]:
+        return [lock_directions(views[k].hair, maps[k], pixels[k]) for k in those]
+
+    mean = locks(few)
+    if swing(some[1], mean) > LEAST_SWING:
         radius = find_radius(
-            [follow_locks(views[k].hair, maps[k], locks[k], pixels[k]) for k in few]
+            [
+                follow_locks(views[k].hair, maps[k], lock, pixels[k])
+                for k, lock in zip(few, mean, strict=True)
+            ]
         )
         if radius > 0.0:
-            return Curls(radius, locks, True)
-    seen = [views[k] for k in few], [maps[k] for k in few]
-    if contradict(hull, views, maps, locks, depths) and not noisy(*seen):
-        mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
-        return Curls(UNSEEN, mute, False)
-    return straight
+            return Curls(radius, locks(range(len(views))), True)
+    if show_direction(*some):
+        return straight
+    mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
+    return Curls(UNSEEN, mute, False)
 
 
 def swing(maps: Sequence[OrientationMap], locks: Sequence[OrientationMap]) -> float:
@@ -151,57 +142,22 @@ def mean_confidence(views: Sequence[View], maps: Sequence[OrientationMap]) -> fl
     return sure / max(sum(int(view.hair.sum()) for view in views), 1)
 
 
-def noisy(views: Sequence[View], maps: Sequence[OrientationMap]) -> bool:
-    """Return whether it is noise that makes maps unsure, which goes when smoothed.
-
-    Curls too fine to be seen become no clearer in a smoother photograph.
+def show_direction(views: Sequence[View], maps: Sequence[OrientationMap]) -> bool:
+    """Return whether photographs show which way hair runs, if not for their noise.
 
     Args:
         views: The photographs.
         maps: Their orientation maps.
     """
-    smooth = [
-        estimate_orientation(
-            ndimage.gaussian_filter(v.image, (GRAIN, GRAIN, 0)), v.hair
-        )
-        for v in views
-    ]
-    return mean_confidence(views, smooth) > SURER * mean_confidence(views, maps)
-
-
-def contradict(
-    hull: Hull,
-    views: Sequence[View],
-    maps: Sequence[OrientationMap],
-    locks: Sequence[OrientationMap],
-    depths: Sequence[Float[np.ndarray, "_height _width"]],
-) -> bool:
-    """Return whether photographs contradict each other about the locks' directions.
-
-    Noise hardly does: over the area of a lock it averages out, unless few pixels say
-    anything; see also `noisy`. Where no place is seen by three, nothing contradicts.
-
-    Args:
-        hull: Where hair can be.
-        views: The photographs.
-        maps: Their orientation maps.
-        locks: Maps of the locks' directions.
-        depths: Depth of the head in each photograph, in metres.
-    """
-    says = [v.hair & (m.confidence > 0.0) for v, m in zip(views, maps, strict=True)]
-    pixels = sum(int(view.hair.sum()) for view in views)
-    if sum(int(one.sum()) for one in says) < LEAST_SAYING * pixels:
-        return False
-    alike = [
-        dataclasses.replace(m, confidence=one.astype(m.confidence.dtype))
-        for m, one in zip(locks, says, strict=True)
-    ]
-    apart = disagreement(hull, views, alike, depths)
-    known = apart[apart > 0.0]
-    if len(known) < LEAST_KNOWN * hull.hair.sum():
-        return False
-    # In units of the error of a map that is sure.
-    return bool(np.sqrt(np.median(known)) * SIGMA_SURE > CONTRADICTION)
+    sharp = mean_confidence(views, maps)
+    if sharp > SURE:
+        return True
+    images = [ndimage.gaussian_filter(v.image, (GRAIN, GRAIN, 0)) for v in views]
+    smooth = mean_confidence(
+        views,
+        [estimate_orientation(i, v.hair) for i, v in zip(images, views, strict=True)],
+    )
+    return smooth > min(SURE, max(BLIND, SURER * sharp))
 
 
 def find_radius(along: Sequence[Along]) -> float:

@@ -314,7 +314,7 @@ def _first_tree(
         allowed, hull = hull, carve_by_direction(hull, views, maps, depths)
         scalp = capture.scalp or wrapped_scalp(shots, head)
         progress("growing strands", 0.4)
-        curls = see_curls(hull, views, maps, depths)
+        curls = see_curls(hull, views, maps)
         hull = hull if curls.told else allowed
         roots = _roots(scalp, preset, config)
         field = _field(hull, shots, curls, roots, store)

@@ -3,22 +3,23 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from ball_hair import camera_at, hull_where, meridian, photograph, ring, view_of
-from scipy import ndimage
+from ball_hair import camera_at, hull_where, photograph, view_of
 
 from hairfit.capture import load_capture
 from hairfit.capture.orientation import OrientationMap, estimate_orientation
 from hairfit.fit.curls import (
+    SURE,
     UNSEEN,
     find_period,
     lock_directions,
-    noisy,
+    mean_confidence,
     pixel_sizes,
     points_for,
     see_curls,
 )
 from hairfit.model.fur import PITCH, curl_strands
 from hairfit.model.tree import leaves
+from hairfit.synthetic.gallery import make_gallery_tree, make_subject
 from hairfit.synthetic.head import make_head, make_scalp
 from hairfit.synthetic.scene import Scene, write_capture
 from hairfit.synthetic.styles import make_style
@@ -52,8 +53,7 @@ def seen(strands):
 
 
 def radius_of(views, maps, hull=HULL):
-    depths = [np.full(view.hair.shape, np.inf) for view in views]
-    return see_curls(hull, views, maps, depths).radius
+    return see_curls(hull, views, maps).radius
 
 
 @pytest.mark.parametrize("radius", [0.0035, 0.005, 0.006])
@@ -71,7 +71,7 @@ def test_hair_that_does_not_curl_has_no_radius():
 
 def test_straight_hair_is_taken_as_it_looks():
     views, maps = seen(curtain())
-    found = see_curls(HULL, views, maps, [np.full(views[0].hair.shape, np.inf)])
+    found = see_curls(HULL, views, maps)
     assert found.told and all(a is b for a, b in zip(found.maps, maps, strict=True))
 
 
@@ -81,57 +81,12 @@ def test_angles_that_repeat_nowhere_are_no_curls():
     assert radius_of(views, [dataclasses.replace(maps[0], angle=angle)]) == 0.0
 
 
-def test_photographs_that_say_nothing_have_no_curls():
+def test_where_nothing_shows_hair_curls_at_no_known_pitch():
     hair = np.zeros((FRONT.height, FRONT.width), bool)
     zero = np.zeros(hair.shape)
     blind = OrientationMap(zero, zero, zero)
-    assert radius_of([view_of(FRONT, hair)], [blind]) == 0.0
-
-
-def around(turn, sure, noise=0.0, says=1.0):
-    """Return a ball of hair that hangs, seen at so many radians from upright.
-
-    `turn` is the angle in each of the twelve views, `says` the share of the pixels that
-    say anything.
-    """
-    rng = np.random.default_rng(0)
-    polar = rng.uniform(0.2, 2.6, 4000)
-    azimuth = rng.uniform(0.0, 2.0 * np.pi, 4000)
-    share = np.linspace(0.0, 0.25, 6)
-    strands = meridian(polar[:, None] + share, azimuth[:, None], 0.01)
-    found = photograph(strands, ring(12, finer=2), None, radius_px=2.5)
-    maps = []
-    for view, extra in zip(found.views, turn, strict=True):
-        shape = view.hair.shape
-        angle = 0.5 * np.pi + extra + noise * rng.normal(size=shape)
-        heard = view.hair & (rng.uniform(size=shape) < says)
-        maps.append(OrientationMap(angle % np.pi, sure * heard, np.ones(shape)))
-    hull = hull_where(
-        lambda p: np.abs(np.linalg.norm(p, axis=1) - 0.085) < 0.008,
-        [-0.1] * 3,
-        [0.1] * 3,
-        0.004,
-    )
-    return hull, found.views, maps, found.depths
-
-
-def test_photographs_that_contradict_each_other_say_nothing():
-    # Every third view sees the hair upright, the others at 60 degrees to either side.
-    apart = np.tile([0.0, 1.05, -1.05], 4)
-    found = see_curls(*around(apart, 0.07))
+    found = see_curls(HULL, [view_of(FRONT, hair)], [blind])
     assert found.radius == UNSEEN and not found.told
-    assert not any(m.confidence.any() for m in found.maps)
-
-
-def test_photographs_that_agree_are_believed_however_unsure():
-    found = see_curls(*around(np.zeros(12), 0.07, noise=0.5))
-    assert found.radius == 0.0 and found.told
-
-
-def test_photographs_of_noise_alone_are_taken_as_they_are():
-    # Nothing is said by half of the pixels, and nonsense by the others.
-    apart = np.tile([0.0, 1.05, -1.05], 4)
-    assert see_curls(*around(apart, 0.07, says=0.5)).told
 
 
 def test_locks_run_down_where_their_curls_do_not():
@@ -203,24 +158,56 @@ def test_curls_of_drawn_photographs_are_found(tmp_path):
     assert radius_of(views, maps, hull) == pytest.approx(0.033 / PITCH, rel=0.1)
 
 
-def grainy(noise):
-    """Return a photograph of stripes that run down, with grain, and its map."""
-    x = np.arange(256)
-    stripes = np.tile(0.3 + 0.1 * np.sin(2 * np.pi * x / 12), (256, 1))
-    grain = np.random.default_rng(0).normal(size=stripes.shape)
-    image = np.repeat((stripes + noise * grain)[..., None], 3, axis=2)
-    hair = np.ones(stripes.shape, bool)
-    camera = dataclasses.replace(FRONT, width=256, height=256)
+def photographed(grey):
+    """Return a photograph that is all hair, and its map."""
+    hair = np.ones(grey.shape, bool)
+    camera = dataclasses.replace(FRONT, width=grey.shape[1], height=grey.shape[0])
+    image = np.repeat(np.clip(grey, 0.0, 1.0)[..., None], 3, axis=2)
     view = dataclasses.replace(view_of(camera, hair), image=image)
     return [view], [estimate_orientation(image, hair)]
 
 
-def test_grain_is_what_goes_when_smoothed():
-    assert noisy(*grainy(0.2))
-    assert not noisy(*grainy(0.0))
-    # Texture as fine as grain becomes no clearer.
-    views, _ = grainy(0.0)
-    fine = np.random.default_rng(1).normal(0.5, 0.1, views[0].image.shape)
-    fine = ndimage.gaussian_filter(fine, (1.0, 1.0, 0.0))
-    maps = [estimate_orientation(fine, views[0].hair)]
-    assert not noisy([dataclasses.replace(views[0], image=fine)], maps)
+def stripes(noise):
+    """Return stripes that run down, with grain."""
+    x = np.arange(256)
+    clean = np.tile(0.3 + 0.1 * np.sin(2 * np.pi * x / 12), (256, 1))
+    return clean + noise * np.random.default_rng(0).normal(size=clean.shape)
+
+
+def frizz():
+    """Return short bright arcs that cross each other, at all angles."""
+    rng = np.random.default_rng(0)
+    grey = np.full((512, 512), 0.2)
+    for _ in range(24000):
+        at, angle = rng.uniform(0, 512, 2), rng.uniform(0.0, 2.0 * np.pi)
+        turn = angle + np.linspace(0.0, 2.5, 24)
+        x, y = (at[:, None] + 5.0 * np.array([np.cos(turn), np.sin(turn)])) % 512
+        grey[y.astype(int), x.astype(int)] = rng.uniform(0.1, 0.6)
+    return grey
+
+
+def test_noise_is_told_from_hair_that_shows_no_direction():
+    views, maps = photographed(stripes(0.4))
+    assert mean_confidence(views, maps) < SURE
+    assert see_curls(HULL, views, maps).told
+    views, maps = photographed(frizz())
+    assert mean_confidence(views, maps) < SURE
+    found = see_curls(HULL, views, maps)
+    assert found.radius == UNSEEN and not found.told
+    assert not any(m.confidence.any() for m in found.maps)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("style", "told"), [("afro", False), ("buzz-cut", True)])
+def test_an_afro_is_told_from_short_hair_by_one_photograph(tmp_path, style, told):
+    subject = make_subject()
+    scene = Scene(1, (600, 800), strands=12000, points=64)
+    tree = make_gallery_tree(style, 0, subject)
+    write_capture(tree, subject.head, tmp_path / style, scene)
+    view = load_capture(tmp_path / style).views[0]
+    grain = np.random.default_rng(0).normal(size=view.image.shape)
+    for noise in (0.0, 0.03):
+        image = np.clip(view.image + noise * grain, 0.0, 1.0).astype(np.float32)
+        maps = [estimate_orientation(image, view.hair)]
+        taken = dataclasses.replace(view, image=image)
+        assert see_curls(HULL, [taken], maps).told == told
