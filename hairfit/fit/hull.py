@@ -19,6 +19,7 @@ REACH = 0.6  # no hair farther than this from the cranium's centre, in metres
 COARSE = 0.012  # metres
 NEAR_SKIN = 0.01  # metres: hair that comes no nearer to the head does not grow on it
 ACROSS_GAPS = 2  # voxels on both sides of a gap over which pieces of hair are one
+AIRBORNE = 0.03  # share of the hair that may hang in the air until a tie is found
 LEAST_VOXELS = 50  # smaller pieces are noise of the masks
 MOST_VOXELS = 600_000  # beyond this the grid is made coarser
 WITNESSES = 0.25  # share of the views that must see hair there, not the head before it
@@ -166,17 +167,29 @@ def hull_of(
 
 
 def rooted_pieces(
-    hair: Bool[np.ndarray, "x y z"], skin: Float[np.ndarray, "x y z"]
+    hair: Bool[np.ndarray, "x y z"],
+    skin: Float[np.ndarray, "x y z"],
+    *,
+    airborne: float = AIRBORNE,
 ) -> Bool[np.ndarray, "x y z"]:
     """Return the hair without pieces in the air, where cones of views happen to meet.
 
     A piece that comes near the head at no place grew from none; all stay if none does.
+
+    Args:
+        hair: The voxels.
+        skin: Signed distance to the head, in metres.
+        airborne: Pieces in the air that are as large a share of the hair stay: they may
+            be a tail, whose tie no mask shows.
     """
     joined = np.asarray(ndimage.binary_dilation(hair, iterations=ACROSS_GAPS), bool)
     pieces = np.zeros(hair.shape, np.int32)
     ndimage.label(joined, output=pieces)
     at_skin = np.unique(pieces[hair & (skin < NEAR_SKIN)])
-    return hair & np.isin(pieces, at_skin) if len(at_skin) else hair
+    sizes = np.bincount(pieces[hair])
+    large = np.flatnonzero(sizes >= airborne * hair.sum())
+    stays = np.isin(pieces, np.concatenate([at_skin, large]))
+    return hair & stays if len(at_skin) else hair
 
 
 def first_hit(

@@ -26,6 +26,7 @@ from ..types import Mesh, Strands, along_paths, resample_paths
 from .ahead import Shapes, compile_growth, compile_refinement, compiling_ahead
 from .appearance import Appearance, find_appearance
 from .branches import with_branches
+from .bridges import bridged
 from .checkpoint import Checkpoint
 from .confidence import ConfidenceConfig, with_confidence
 from .consistency import carve_by_direction
@@ -315,8 +316,8 @@ def _first_tree(
         scalp = capture.scalp or wrapped_scalp(shots, head)
         progress("growing strands", 0.4)
         curls = see_curls(hull, views, maps)
-        hull = hull if curls.told else allowed
         roots = _roots(scalp, preset, config)
+        hull = bridged(hull if curls.told else allowed, roots.points, views)
         field = _field(hull, shots, curls, roots, store)
         uv, grown = _grow(hull, field, curls, roots, preset, config, store)
         progress("fitting cylinders", 0.5)
