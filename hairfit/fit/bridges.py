@@ -19,8 +19,8 @@ from .hull import Hull, hull_of, rooted_pieces
 SMALLEST = 1e-5  # cubic metres; smaller pieces are single locks
 WIDEST = 0.04  # metres: no gap is wider
 # Voxels are of the bridge whose way from end to end is longer than the shortest by no
-# more than so much of it, or so many voxels.
-ROUND, SPARE = 0.3, 2.0
+# more than this, in metres: a tie is as wide as that makes it.
+LONGER = 0.012
 # In so many photographs a piece has to explain such a share of the hair alone.
 SHOWN, ALONE = 2, 0.02
 ROOTED = 2  # voxels from the next root, at most
@@ -51,7 +51,7 @@ def bridged(
         piece = pieces == label
         if rooted[piece].any() or not shown_alone(hull.grid, piece, rooted, views):
             continue
-        bridge = _bridge(rooted, piece, hull.head > 0.0, WIDEST / hull.grid.spacing)
+        bridge = _bridge(rooted, piece, hull.head > 0.0, hull.grid.spacing)
         rooted |= bridge | (piece if bridge.any() else False)
         found |= bridge
     found = rooted_pieces(found, hull.head, airborne=np.inf)
@@ -118,7 +118,7 @@ def _bridge(
     rooted: Bool[np.ndarray, "x y z"],
     piece: Bool[np.ndarray, "x y z"],
     free: Bool[np.ndarray, "x y z"],
-    widest: float,
+    spacing: float,
 ) -> Bool[np.ndarray, "x y z"]:
     """Return the free voxels between two pieces, none across too wide a gap.
 
@@ -126,12 +126,11 @@ def _bridge(
         rooted: One of them.
         piece: The other.
         free: Where hair can pass.
-        widest: The widest gap, in voxels.
+        spacing: Edge of a voxel, in metres.
     """
     from_root = np.asarray(ndimage.distance_transform_edt(~rooted))
     free = free & ~rooted & ~piece
-    if from_root[piece].min() > widest or not free.any():
+    if spacing * from_root[piece].min() > WIDEST or not free.any():
         return np.zeros_like(piece)
     way = from_root + np.asarray(ndimage.distance_transform_edt(~piece))
-    shortest = way[free].min()
-    return free & (way <= shortest + max(ROUND * shortest, SPARE))
+    return free & (way <= way[free].min() + LONGER / spacing)

@@ -59,10 +59,19 @@ def test_a_tail_apart_hangs_on_the_head_by_a_bridge():
     assert pieces_of(found.hair).max() == 1
     assert not (hull.hair & ~found.hair).any()
     added = found.grid.centres(found.hair & ~hull.hair)
-    # Between the two, along the line from one to the other, and no wider than the tail.
-    assert np.all(added[:, 2] > -0.15) and np.all(added[:, 2] < -0.07)
-    assert np.all(np.abs(added[:, :2]) < 0.03)
-    assert np.abs(added[:, :2]).max() > 0.01
+    # All free places whose way to both is at most 12 mm longer than the gap of 25 mm.
+    air = hull.grid.centres(~hull.hair & (hull.head > 0.0))
+    added, air = added[added[:, 1] > 0.0], air[air[:, 1] > 0.0]
+
+    def way(points):
+        to_cap = np.linalg.norm(points, axis=1) - CAP
+        return to_cap + np.linalg.norm(points - TAIL[0], axis=1) - TAIL[1]
+
+    voxel = hull.grid.spacing
+    assert np.all(way(added) < 0.025 + 0.012 + voxel)
+    inside = air[way(air) < 0.025 + 0.012 - 2 * voxel]
+    assert len(inside) > 30
+    assert set(map(tuple, inside)) <= set(map(tuple, added))
     # Its distances are those of the new border.
     assert np.all(found.distance[found.hair] < 0.0)
 
