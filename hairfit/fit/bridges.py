@@ -32,7 +32,7 @@ def bridged(
 ) -> Hull:
     """Return the hull with bridges to the pieces that photographs show.
 
-    Pieces in the air that none shows go.
+    Pieces that stay in the air go.
 
     Args:
         hull: The hull.
@@ -52,8 +52,9 @@ def bridged(
         if rooted[piece].any() or not shown_alone(hull.grid, piece, rooted, views):
             continue
         bridge = _bridge(rooted, piece, hull.head > 0.0, hull.grid.spacing)
-        rooted |= bridge | (piece if bridge.any() else False)
-        found |= bridge
+        if bridge.any():
+            rooted |= piece | bridge
+            found |= bridge
     found = rooted_pieces(found, hull.head, airborne=np.inf)
     return hull_of(hull.grid, found, hull.head) if (found != hull.hair).any() else hull
 
