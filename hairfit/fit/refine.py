@@ -20,6 +20,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..capture.capture import View
 from ..model.cylinder import GeneralizedCylinder, cylinder_frames
+from ..model.detail import contours_around
 from ..model.scalp import Scalp
 from ..model.strand import grow
 from ..model.tree import HairTree, ScalpContour, depths_of
@@ -35,7 +36,8 @@ from .residuals import (
 from .volume import Gaps, HairVolume, field_loss, find_gaps, gap_loss, head_loss
 
 FULL_PACE = 0.015  # metres between knots, from which on they move at the full rate
-LEAST_PACE = 0.1
+STEADY = 0.4  # times a cluster's width between its knots, likewise
+LEAST_PACE = 0.001
 SHORTEST = 1e-4  # metres: a piece of a strand counts as no shorter
 FREE_TURN = 0.5  # radians that strands turn at a joint before it counts as a kink
 
@@ -285,11 +287,17 @@ def paces(cylinder: GeneralizedCylinder) -> Float[Array, " clusters"]:
     """Return by what share of the rates each cluster moves in a step.
 
     Adam goes at its rate however weak a gradient is. Knots that are nearer to each
-    other than a few steps would be thrown into disorder.
+    other than a few steps would be thrown into disorder. A knot that moves also tilts
+    the section there: strands at its rim go as much farther as the cluster is wider
+    than its knots are apart, which is far where short hair stands on much of a head.
     """
     ways = jnp.diff(cylinder.skeleton, axis=1)
     apart = jnp.mean(jnp.sqrt(jnp.sum(ways**2, axis=2) + SHORTEST**2), axis=1)
-    return jnp.clip(apart / FULL_PACE, LEAST_PACE, 1.0)
+    rim = contours_around(cylinder) - cylinder.skeleton[:, None]
+    wide = jnp.sqrt(jnp.mean(jnp.sum(rim**2, axis=3), axis=(1, 2)) + SHORTEST**2)
+    bends, tilts = apart / FULL_PACE, apart / (STEADY * wide)
+    pace = jnp.minimum(bends, 1.0) * jnp.minimum(tilts, 1.0)
+    return jnp.maximum(pace, LEAST_PACE)
 
 
 def stretched(

@@ -10,6 +10,7 @@ from hairfit.fit.evidence import Field
 from hairfit.fit.refine import (
     FULL_PACE,
     LEAST_PACE,
+    STEADY,
     Moves,
     Photographs,
     Problem,
@@ -241,15 +242,40 @@ def test_strands_that_stand_still_have_a_gradient():
     assert np.isfinite(np.asarray(gradient)).all()
 
 
-def test_clusters_of_close_knots_move_slowly(tree):
+def straight_clusters(tree, lengths, width):
+    """Return the clusters of a tree, straight, with round sections of one width."""
     straight = jnp.linspace(0.0, 1.0, KNOTS)[:, None] * jnp.array([[0.0, 1.0, 0.0]])
+    count = tree.count
+    return eqx.tree_at(
+        lambda c: (c.skeleton, c.radius, c.offset, c.scale, c.shear),
+        tree.cylinder,
+        (
+            jnp.asarray(lengths)[:, None, None] * straight[None],
+            jnp.full((count, KNOTS), 2.0 * width),
+            jnp.zeros_like(tree.cylinder.offset),
+            jnp.full((count, KNOTS, 2), 0.5),
+            jnp.zeros((count, KNOTS)),
+        ),
+    )
+
+
+def test_clusters_of_close_knots_move_slowly(tree):
     lengths = np.array([1e-6, 0.02, 0.05, 0.07, 0.2, 1.0])
-    skeleton = jnp.asarray(lengths)[:, None, None] * straight[None]
-    cylinder = eqx.tree_at(lambda c: c.skeleton, tree.cylinder, skeleton)
     apart = lengths / (KNOTS - 1)
     expected = np.clip(apart / FULL_PACE, LEAST_PACE, 1.0)
-    assert expected.min() == LEAST_PACE and expected.max() == 1.0
-    assert np.allclose(paces(cylinder), expected, rtol=1e-3)
+    assert expected.max() == 1.0 and expected[1] < expected[2] < 1.0
+    found = paces(straight_clusters(tree, lengths, 1e-4))
+    # Knots count as a tenth of a millimetre apart where they are one.
+    assert np.isclose(found[0], 1e-4 / FULL_PACE, rtol=1e-3)
+    assert np.allclose(found[1:], expected[1:], rtol=1e-3)
+
+
+def test_clusters_wider_than_long_move_slowly(tree):
+    lengths = np.full(6, (KNOTS - 1) * FULL_PACE)
+    for width in (0.5, 0.1, 0.05, 0.01):
+        found = paces(straight_clusters(tree, lengths, width))
+        expected = min(FULL_PACE / (STEADY * width), 1.0)
+        assert np.allclose(found, expected, rtol=1e-3)
 
 
 def test_a_displaced_tree_comes_back(tree, scene):
