@@ -9,12 +9,13 @@ hair in place of its colour, which changes with the view.
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy import ndimage
 
 from ..capture.capture import View
 from ..capture.orientation import SIGMA_SURE, OrientationMap
 from .evidence import find_planes
+from .grid import blurred
 from .hull import Hull, hull_of
 
 INCONSISTENT = 1.5  # disagreement over the expected one from which on there is no hair
@@ -88,16 +89,7 @@ def disagreement(
     expected = np.maximum(1.0 - 2.0 / np.maximum(looking, 2.0), 0.0) * seen
     asked = expected > LEAST_FREEDOM
     around = AROUND / hull.grid.spacing
-    least = _blurred(near, np.where(asked, least, 0.0), around)
-    expected = _blurred(near, np.where(asked, expected, 0.0), around) * SIGMA_SURE**2
-    known = _blurred(near, asked.astype(float), around) > LEAST_KNOWN
+    least = blurred(near, np.where(asked, least, 0.0), around)
+    expected = blurred(near, np.where(asked, expected, 0.0), around) * SIGMA_SURE**2
+    known = blurred(near, asked.astype(float), around) > LEAST_KNOWN
     return np.where(known, least / np.maximum(expected, 1e-12), 0.0)
-
-
-def _blurred(
-    mask: Bool[np.ndarray, "x y z"], values: Float[np.ndarray, " voxels"], sigma: float
-) -> Float[np.ndarray, "x y z"]:
-    """Return the values of some voxels, blurred over the grid; elsewhere they are 0."""
-    spread = np.zeros(mask.shape)
-    spread[mask] = values
-    return np.asarray(ndimage.gaussian_filter(spread, sigma))

@@ -17,8 +17,9 @@ from scipy import ndimage
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..render.raster import cells, project_points
-from .grid import nearest_in, neighbours
+from .grid import nearest_in, neighbours, uphill
 from .hull import Hull, first_hit
+from .stubble import find_stubble
 
 DEPTH_SCALE = 0.006  # metres behind the hull's surface where a photograph fades
 SURFACE_WEIGHT = 0.1  # of "hair lies in the surface", against one sharp photograph
@@ -62,7 +63,8 @@ def gather(
 
     $n$ is the normal of the plane through the camera and the line in the picture. The
     normal of the hull's surface joins in weakly: hair mostly lies in the surface, which
-    decides where views agree on a plane only.
+    decides where views agree on a plane only. Stubble stands out of it instead, and is
+    as sure as a sharp view, however little is seen of each hair.
 
     Args:
         hull: The hull.
@@ -72,18 +74,23 @@ def gather(
     """
     points = hull.grid.centres(hull.hair)
     planes = np.zeros((len(points), 3, 3))
-    total = np.zeros(len(points))
+    total, looks = np.zeros(len(points)), np.zeros(len(points))
     for view, found, head_depth in zip(views, maps, depths, strict=True):
         normal, seen, confidence = find_planes(hull, points, view, found, head_depth)
         weight = seen * confidence
         planes += weight[:, None, None] * normal[:, :, None] * normal[:, None, :]
         total += weight
+        looks += seen
+    stands, upright = find_stubble(hull, planes, total, looks)
     surface = _surface_normal(hull)
     share = SURFACE_WEIGHT * np.minimum(total, 1.0)
     planes += share[:, None, None] * surface[:, :, None] * surface[:, None, :]
     values, vectors = np.linalg.eigh(planes)
     gap = (values[:, 1] - values[:, 0]) / np.maximum(values[:, 1] + values[:, 0], 1e-12)
-    return Evidence(vectors[:, :, 0], total * np.clip(gap, 0.0, 1.0))
+    direction, weight = vectors[:, :, 0], total * np.clip(gap, 0.0, 1.0)
+    direction[stands] = upright
+    weight[stands] = np.maximum(weight[stands], 1.0)
+    return Evidence(direction, weight)
 
 
 class Planes(NamedTuple):
@@ -140,9 +147,7 @@ def find_planes(
 def _surface_normal(hull: Hull) -> Float[np.ndarray, "voxels 3"]:
     """Return the outward normal of hair and head together, smoothed over 2 voxels."""
     solid = ndimage.gaussian_filter((hull.hair | (hull.head < 0)).astype(float), 2.0)
-    x, y, z = np.gradient(solid)
-    slope = -np.stack([x, y, z], axis=-1)[hull.hair]
-    return slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-12)
+    return -uphill(solid)[hull.hair]
 
 
 def diffuse(hull: Hull, evidence: Evidence) -> Field:

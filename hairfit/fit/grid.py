@@ -71,6 +71,28 @@ def nearest_in(
     return tuple(np.asarray(axis) for axis in nearest)
 
 
+def blurred(
+    mask: Bool[np.ndarray, "x y z"], values: Float[np.ndarray, " voxels"], sigma: float
+) -> Float[np.ndarray, "x y z"]:
+    """Return values of the voxels of a mask, 0 elsewhere, blurred over the grid.
+
+    Args:
+        mask: The voxels.
+        values: One for each of them.
+        sigma: Standard deviation of the Gaussian, in voxels.
+    """
+    spread = np.zeros(mask.shape)
+    spread[mask] = values
+    return np.asarray(ndimage.gaussian_filter(spread, sigma))
+
+
+def uphill(values: Float[np.ndarray, "x y z"]) -> Float[np.ndarray, "x y z 3"]:
+    """Return the unit gradient at every voxel, 0 where there is none."""
+    x, y, z = np.gradient(values)
+    slope = np.stack([x, y, z], axis=-1)
+    return slope / np.maximum(np.linalg.norm(slope, axis=-1, keepdims=True), 1e-12)
+
+
 def neighbours(
     index: Int[np.ndarray, "voxels 3"], steps: Int[np.ndarray, "steps 3"]
 ) -> Int[np.ndarray, "voxels steps"]:

@@ -12,7 +12,7 @@ from scipy import ndimage
 from ..model.vector import unit
 from ..types import resample_paths
 from .evidence import Field
-from .grid import corners, trilinear, trilinear_many
+from .grid import corners, trilinear, trilinear_many, uphill
 from .hull import Hull
 
 # Of the scalp's normal in a strand's first direction, against the flow's.
@@ -74,12 +74,14 @@ def grow(
     # Smoothed, or the steps of the voxels would turn up as steps of the strands.
     distance = ndimage.gaussian_filter(hull.distance, 0.7)
     head = ndimage.gaussian_filter(hull.head, 0.7)
-    channels = [distance, *_unit_gradient(distance), head, *_unit_gradient(head)]
+    channels = np.concatenate(
+        [distance[..., None], uphill(distance), head[..., None], uphill(head)], axis=-1
+    )
     lines = np.concatenate(
         [field.direction, field.anisotropy[..., None], flow], axis=-1
     )
     path = _trace(
-        jnp.asarray(np.stack(channels, axis=-1), jnp.float32),
+        jnp.asarray(channels, jnp.float32),
         jnp.asarray(lines, jnp.float32),
         jnp.asarray(hull.grid.origin, jnp.float32),
         jnp.asarray(spacing, jnp.float32),
@@ -89,12 +91,6 @@ def grow(
     )
     points = np.concatenate([roots[None], np.asarray(path, np.float64)])
     return resample_paths(points.transpose(1, 0, 2), knots)
-
-
-def _unit_gradient(values: Float[np.ndarray, "x y z"]) -> list[np.ndarray]:
-    x, y, z = np.gradient(values)
-    length = np.maximum(np.sqrt(x**2 + y**2 + z**2), 1e-9)
-    return [x / length, y / length, z / length]
 
 
 @jax.jit(static_argnames="config")

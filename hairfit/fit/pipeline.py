@@ -68,7 +68,7 @@ from .volume import hair_volume, inner_places
 Progress = Callable[[str, float], None]
 
 # Strands shorter than this did not grow: their roots are bare. Metres.
-SHORTEST = 0.008
+SHORTEST = 0.004
 FEWEST_GROWN = 50
 # Locks of curly hair do not slide along the hull, where only the sides of turns are:
 # they end where they leave it, see `GrowConfig.steepest`.
