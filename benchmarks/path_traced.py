@@ -13,6 +13,7 @@ import subprocess
 import sys
 from typing import NamedTuple
 
+import jax
 import numpy as np
 from scenes import SCENES, make_apart
 from scipy.interpolate import make_interp_spline
@@ -20,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from hairfit.io.mesh import load_mesh, save_mesh
 from hairfit.io.strands import load_strands, save_strands
+from hairfit.model import sample_strands
 from hairfit.types import Strands
 
 SHARED = pathlib.Path(__file__).parents[2] / "shared"
@@ -28,6 +30,7 @@ CENTIMETRE = 0.01
 HEAD = SHARED / "files" / "heads" / "ict_neutral.obj"
 ROUND = "--views 8"
 FRONT = "--views 5 --arc 200 --start -80 --light -0.9 1 1.4"
+PHONE = "--size 600 800"
 
 
 class Recipe(NamedTuple):
@@ -37,10 +40,12 @@ class Recipe(NamedTuple):
         groom: A reference capture, a drawn scene, or `straight.hair` for Cem Yuksel's
             model on the head of ICT's face kit.
         options: Of the path tracer.
+        strands: Of a drawn scene's tree; 0 for those of its truth.
     """
 
     groom: str
     options: str
+    strands: int = 0
 
 
 RECIPES = {
@@ -48,6 +53,10 @@ RECIPES = {
     "black-ruby": Recipe("ruby", f"{ROUND} --colour black"),
     "traced-curls": Recipe("curly", f"{ROUND} --colour brown"),
     "traced-afro": Recipe("afro", f"{ROUND} --colour black"),
+    "traced-buzz-cut": Recipe("buzz-cut", f"{ROUND} {PHONE} --colour brown", 40_000),
+    "bob-from-the-front": Recipe(
+        "bob", f"{FRONT} {PHONE} --colour grey --room", 30_000
+    ),
     "ponytail-from-the-front": Recipe("ponytail", f"{FRONT} --colour blonde"),
 }
 
@@ -62,27 +71,34 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     for name in given.names:
         recipe = RECIPES[name]
-        groom, head = find_groom(recipe.groom, given.out, given.scenes or given.out)
+        groom, head = find_groom(recipe, given.out, given.scenes or given.out)
         tool = str(SHARED / "tools" / "photograph.py")
         words = [sys.executable, tool, str(groom), str(head), str(given.out / name)]
         subprocess.run([*words, *recipe.options.split(), "--spp", "32"], check=True)
 
 
 def find_groom(
-    groom: str, out: pathlib.Path, scenes: pathlib.Path
+    recipe: Recipe, out: pathlib.Path, scenes: pathlib.Path
 ) -> tuple[pathlib.Path, pathlib.Path]:
     """Return the files of a groom and of its head, which are made if need be."""
-    if groom.endswith(".hair"):
+    if recipe.groom.endswith(".hair"):
         path, head = out / "straight.npz", out / "head.obj"
-        save_strands(path, stood_on(load_strands(SHARED / "files" / groom)))
+        save_strands(path, stood_on(load_strands(SHARED / "files" / recipe.groom)))
         mesh = load_mesh(HEAD)
         save_mesh(head, dataclasses.replace(mesh, vertices=CENTIMETRE * mesh.vertices))
         return path, head
-    if groom in SCENES:
-        folder = make_apart(groom, scenes)
-    else:
-        folder = SHARED / "captures" / groom
-    return folder / "truth.npz", folder / "head.obj"
+    if recipe.groom not in SCENES:
+        folder = SHARED / "captures" / recipe.groom
+        return folder / "truth.npz", folder / "head.obj"
+    folder = make_apart(recipe.groom, scenes)
+    if not recipe.strands:
+        return folder / "truth.npz", folder / "head.obj"
+    drawn = SCENES[recipe.groom]
+    key = jax.random.key(0)
+    dense = sample_strands(drawn.tree(), recipe.strands, drawn.points, key)
+    path = out / f"{recipe.groom}-{recipe.strands}.npz"
+    save_strands(path, Strands.from_array(np.asarray(dense)))
+    return path, folder / "head.obj"
 
 
 def stood_on(strands: Strands) -> Strands:
