@@ -24,6 +24,7 @@ LEAST_VOXELS = 50  # smaller pieces are noise of the masks
 MOST_VOXELS = 600_000  # beyond this the grid is made coarser
 WITNESSES = 0.25  # share of the views that must see hair there, not the head before it
 MASK_MARGIN = 1  # pixel: a mask's border is known no better
+GAPS = 0.002  # metres: half of what is a gap between hairs at most, where skin shows
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +55,8 @@ def carve(
 
     A voxel may hold hair if half of the views have it in the picture, each of them
     shows hair there or has the head in front of it, and a quarter shows hair. Beyond a
-    border of the picture there is hair only where the hair at the border goes on.
+    border of the picture there is hair only where the hair at the border goes on. Skin
+    that shows between hairs excludes none before it.
 
     Args:
         views: The photographs with their masks.
@@ -65,6 +67,7 @@ def carve(
     Raises:
         InputError: If no place agrees with all masks.
     """
+    views = [without_gaps(*one) for one in zip(views, depths, strict=True)]
     cranium = find_cranium(head)
     coarse = Grid.around(cranium.centre - REACH, cranium.centre + REACH, COARSE)
     margin = 2 * COARSE * max(float(v.camera.K[0, 0]) for v in views)
@@ -87,6 +90,24 @@ def carve(
             break
         spacing *= 1.1 * float(np.cbrt(hair.sum() / MOST_VOXELS))
     return _outside_head(grid, hair, head)
+
+
+def without_gaps(view: View, depth: Float[np.ndarray, "height width"]) -> View:
+    """Return the view whose mask has no gaps before the head but wide ones.
+
+    Args:
+        view: The photograph with its mask.
+        depth: Depth of the head in it in metres, infinite beside the head.
+    """
+    import cv2
+
+    skin = np.isfinite(depth) & (depth > 0)
+    if not skin.any():
+        return view
+    half = int(GAPS * float(view.camera.K[0, 0]) / float(np.median(depth[skin])))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * half + 1, 2 * half + 1))
+    closed = cv2.morphologyEx(view.hair.astype(np.uint8), cv2.MORPH_CLOSE, disc)
+    return dataclasses.replace(view, hair=view.hair | (skin & (closed > 0)))
 
 
 def allowed_voxels(

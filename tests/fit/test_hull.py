@@ -12,12 +12,20 @@ from ball_hair import (
     sphere_depth,
     view_of,
 )
+from scipy import ndimage
 from scipy.spatial import KDTree
 
 from hairfit.capture.distance import signed_distance
 from hairfit.errors import InputError
 from hairfit.fit.grid import Grid
-from hairfit.fit.hull import MASK_MARGIN, allowed_voxels, carve, first_hit
+from hairfit.fit.hull import (
+    GAPS,
+    MASK_MARGIN,
+    allowed_voxels,
+    carve,
+    first_hit,
+    without_gaps,
+)
 from hairfit.render import Camera, mesh_depth
 from hairfit.render.raster import project_points
 
@@ -211,3 +219,50 @@ def test_first_hits_of_blocks_are_those_of_their_middles():
     expected = first_hit(hull, view_of(half, small), step=1)
     assert np.allclose(found, expected, atol=1e-9)
     assert np.isinf(found[~small]).all()
+
+
+def test_skin_that_shows_between_hairs_is_no_gap_but_a_parting_is(head):
+    camera = ring(1, finer=4)[0]
+    depth = mesh_depth(head, camera)
+    hair = np.isfinite(mesh_depth(ball(HAIR), camera))
+    spots = np.random.default_rng(0).random(hair.shape) < 0.1
+    parting = np.zeros_like(hair)
+    middle = camera.width // 2
+    parting[: camera.height // 2, middle - 8 : middle + 8] = True
+    pixel = float(depth[np.isfinite(depth)].mean()) / float(camera.K[0, 0])
+    assert 16 * pixel > 3 * 2 * GAPS > 6 * pixel
+    closed = without_gaps(view_of(camera, hair & ~spots & ~parting), depth).hair
+    skin = np.isfinite(depth)
+    rows = np.flatnonzero((skin & hair & parting)[:, middle])
+    assert len(rows) > 50 and not closed[rows, middle].any()
+    away = ~np.asarray(ndimage.binary_dilation(parting, iterations=12), bool)
+    inner = np.asarray(ndimage.binary_erosion(hair, iterations=8), bool)
+    assert closed[skin & inner & away].all()
+    assert (closed == (hair & ~spots & ~parting))[~skin].all()
+
+
+def test_small_gaps_in_masks_carve_little_of_the_hair_before_the_head(
+    head, monkeypatch
+):
+    cameras = ring(8, finer=4)
+    depths = [mesh_depth(head, camera) for camera in cameras]
+    around = ball(HAIR)
+    whole = [view_of(c, np.isfinite(mesh_depth(around, c))) for c in cameras]
+
+    def spotted(view):
+        y, x = np.indices(view.hair.shape) % 10
+        return dataclasses.replace(view, hair=view.hair & ((y > 3) | (x > 3)))
+
+    same = carve(whole, depths, head, SPACING)
+    thin = same.hair & (same.head < 0.012) & (same.head > 0)
+    given = [spotted(view) for view in whole], depths, head, SPACING
+    lost = 1.0 - carve(*given).hair[thin].mean()
+    monkeypatch.setattr("hairfit.fit.hull.GAPS", 0.0)
+    # What is lost still is hair that a view sees beside the head.
+    assert lost < 0.6 * (1.0 - carve(*given).hair[thin].mean())
+
+
+def test_a_photograph_without_the_head_keeps_its_gaps():
+    camera = camera_at([0.0, 0.0, 0.6])
+    view = view_of(camera, np.random.default_rng(0).random((128, 128)) > 0.2)
+    assert without_gaps(view, np.full((128, 128), np.inf)) is view
