@@ -24,7 +24,7 @@ LEAST_VOXELS = 50  # smaller pieces are noise of the masks
 MOST_VOXELS = 600_000  # beyond this the grid is made coarser
 WITNESSES = 0.25  # share of the views that must see hair there, not the head before it
 MASK_MARGIN = 1  # pixel: a mask's border is known no better
-GAPS = 0.002  # metres: half of what is a gap between hairs at most, where skin shows
+GAPS = 0.002  # metres: radius of the widest gaps between hairs where skin shows
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,10 +15,8 @@ from scipy import ndimage
 from .grid import blurred, uphill
 from .hull import Hull
 
-SHORT = 0.014  # metres above the skin up to which all hair is
-AROUND = (
-    0.009  # metres: of all hair in a cube so far, and standard deviation of a place
-)
+SHORT = 0.014  # metres above the skin up to which all hair reaches
+AROUND = 0.009  # metres from higher hair, and the standard deviation of a place
 # Hair stands where planes miss the skin's normal by less: the mean square of the sine.
 # Shaved heads have 0.01 to 0.11, thin hair that lies on the skin 0.39 to 0.48.
 STANDING = 0.2
