@@ -11,7 +11,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 from scipy import ndimage
 
 from ..capture.capture import View
@@ -35,10 +35,12 @@ class Evidence(NamedTuple):
     Attributes:
         direction: Unit direction without sign.
         weight: How much the photographs say; 0 where none looks, 1 a sharp view.
+        stubble: Which voxels hold stubble; None for none.
     """
 
     direction: Float[np.ndarray, "voxels 3"]
     weight: Float[np.ndarray, " voxels"]
+    stubble: Bool[np.ndarray, " voxels"] | None = None
 
 
 class Field(NamedTuple):
@@ -47,10 +49,12 @@ class Field(NamedTuple):
     Attributes:
         direction: Unit direction.
         anisotropy: How sure it is, from 0 (any direction) to 1 (one direction).
+        stubble: Where stubble ends; None for nowhere.
     """
 
     direction: Float[np.ndarray, "x y z 3"]
     anisotropy: Float[np.ndarray, "x y z"]
+    stubble: Bool[np.ndarray, "x y z"] | None = None
 
 
 def gather(
@@ -90,7 +94,7 @@ def gather(
     direction, weight = vectors[:, :, 0], total * np.clip(gap, 0.0, 1.0)
     direction[stands] = upright
     weight[stands] = np.maximum(weight[stands], 1.0)
-    return Evidence(direction, weight)
+    return Evidence(direction, weight, stands)
 
 
 class Planes(NamedTuple):
@@ -173,8 +177,11 @@ def diffuse(hull: Hull, evidence: Evidence) -> Field:
     anisotropy = np.zeros(hull.grid.shape)
     direction[hull.hair] = vectors[:, :, 2]
     anisotropy[hull.hair] = np.clip(sure, 0.0, 1.0)
+    stubble = np.zeros(hull.grid.shape, bool)
+    if evidence.stubble is not None:
+        stubble[hull.hair] = evidence.stubble
     nearest = nearest_in(hull.hair)
-    return Field(direction[nearest], anisotropy[nearest])
+    return Field(direction[nearest], anisotropy[nearest], stubble[nearest])
 
 
 def matrix_entries(d: Float[np.ndarray, "voxels 3"]) -> Float[np.ndarray, "voxels 6"]:

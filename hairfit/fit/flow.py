@@ -91,8 +91,12 @@ def hair_flow(
     """
     links = _links(hull, field)
     away = KDTree(scalp_points).query(hull.grid.centres(hull.hair))[0]
+    short = np.zeros(len(away))
+    if field.stubble is not None:
+        short[field.stubble[hull.hair]] = 1.0
     spread, sense = (
-        _unit_flow(links, away, ends, hull.grid.spacing) for ends in (AWAY, CLOSE)
+        _unit_flow(links, away, short, ends, hull.grid.spacing)
+        for ends in (AWAY, CLOSE)
     )
     direction = field.direction[hull.hair]
     along = (spread * direction).sum(axis=1)
@@ -122,13 +126,18 @@ def fallen(hull: Hull, scalp_points: Float[np.ndarray, "points 3"]) -> Field:
 
 
 def _unit_flow(
-    links: Links, away: Float[np.ndarray, " voxels"], tips: Ends, spacing: float
+    links: Links,
+    away: Float[np.ndarray, " voxels"],
+    short: Float[np.ndarray, " voxels"],
+    tips: Ends,
+    spacing: float,
 ) -> Float[np.ndarray, "voxels 3"]:
     """Return the direction of the flow in every voxel of hair.
 
     Args:
         links: The conductances.
         away: How far each voxel is from the scalp, in metres.
+        short: 1 where stubble ends, which takes all there is.
         tips: Where hair ends.
         spacing: Edge of a voxel, in metres.
     """
@@ -139,7 +148,7 @@ def _unit_flow(
     )
     ends = np.clip((away - near) / max(far - near, 1e-3), 0.0, 1.0)
     # A little everywhere, so that pieces of hair without scalp are decided as well.
-    takes = (spacing / travel) ** 2 * ends + 1e-6
+    takes = (spacing / travel) ** 2 * ends + 1e-6 + short
     gives = (away < SCALP_REACH * spacing).astype(float)
     potential = solve_potential(links, takes, gives)
     flow = np.zeros((len(away), 3))

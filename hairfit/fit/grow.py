@@ -30,6 +30,8 @@ class GrowConfig:
     """Strands keep so far from the skin."""
     steepest: float = 0.6
     """Cosine to the hull's normal from which leaving it is an end, no grazing."""
+    steepest_stubble: float = 0.3
+    """The same, where stubble ends."""
     stiffness: float = 0.3
     """Share of the last direction that a strand keeps where the field is sure."""
     spread: float = 0.15
@@ -77,9 +79,9 @@ def grow(
     channels = np.concatenate(
         [distance[..., None], uphill(distance), head[..., None], uphill(head)], axis=-1
     )
-    lines = np.concatenate(
-        [field.direction, field.anisotropy[..., None], flow], axis=-1
-    )
+    stubble = np.zeros(hull.grid.shape) if field.stubble is None else field.stubble
+    parts = [field.direction, field.anisotropy[..., None], flow, stubble[..., None]]
+    lines = np.concatenate(parts, axis=-1)
     path = _trace(
         jnp.asarray(channels, jnp.float32),
         jnp.asarray(lines, jnp.float32),
@@ -96,7 +98,7 @@ def grow(
 @jax.jit(static_argnames="config")
 def _trace(
     channels: Float[Array, "x y z 8"],
-    lines: Float[Array, "x y z 7"],
+    lines: Float[Array, "x y z 8"],
     origin: Float[Array, " 3"],
     spacing: Float[Array, ""],
     roots: Float[Array, "strands 3"],
@@ -104,26 +106,28 @@ def _trace(
     config: GrowConfig,
 ) -> Float[Array, "steps strands 3"]:
     """Return the path of every strand; after its tip a strand repeats it."""
+    stubble = min(config.steepest, config.steepest_stubble)
 
     def heading(point, last):
         index, weight = corners(lines.shape[:3], origin, spacing, point)
         near = lines[index[:, 0], index[:, 1], index[:, 2]]
-        sign = jnp.where(jnp.sum(near[:, :3] * near[:, 4:], axis=1) < 0, -1.0, 1.0)
+        sign = jnp.where(jnp.sum(near[:, :3] * near[:, 4:7], axis=1) < 0, -1.0, 1.0)
         sure = weight * (near[:, 3] + 0.02)
         mean = (sure * sign) @ near[:, :3] / jnp.maximum(jnp.sum(sure), 1e-6)
-        ahead, flow = unit(mean, last), weight @ near[:, 4:]
+        ahead, flow = unit(mean, last), weight @ near[:, 4:7]
         across = flow - (flow @ ahead) * ahead
         keep = config.stiffness + 0.5 * (1.0 - jnp.sum(sure))
-        return unit(mean + config.spread * across + keep * last, last)
+        steepest = jnp.where(weight @ near[:, 7] > 0.5, stubble, config.steepest)
+        return unit(mean + config.spread * across + keep * last, last), steepest
 
     def one(point, last, alive):
-        ahead = heading(point, last)
+        ahead, steepest = heading(point, last)
         goal = point + config.step * ahead
         here = trilinear(channels, origin, spacing, goal)
         goal = goal + jnp.maximum(config.clearance - here[4], 0.0) * here[5:8]
         here = trilinear(channels, origin, spacing, goal)
         leaves = here[0] > 0.0
-        ends = leaves & (ahead @ here[1:4] > config.steepest)
+        ends = leaves & (ahead @ here[1:4] > steepest)
         goal = goal - jnp.where(leaves, here[0], 0.0) * here[1:4]
         move = goal - point
         ends = ends | (move @ last < 0.3 * config.step)
@@ -139,7 +143,7 @@ def _trace(
         return state, state.point
 
     start = roots + config.clearance * normals
-    flow = trilinear_many(lines[..., 4:], origin, spacing, start)
+    flow = trilinear_many(lines[..., 4:7], origin, spacing, start)
     first = jax.vmap(unit)(flow + LIFT * normals, normals)
     state = _State(start, first, jnp.ones(len(roots), bool))
     steps = int(config.longest / config.step)

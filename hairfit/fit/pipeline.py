@@ -364,7 +364,7 @@ def _field(
             found = diffuse(hull, evidence)
         else:
             found = fallen(hull, roots.points)
-        saved = {"direction": found.direction, "anisotropy": found.anisotropy}
+        saved = {name: one for name, one in found._asdict().items() if one is not None}
         store.save("field", saved)
     return Field(**saved)
 

@@ -57,6 +57,28 @@ def test_hair_on_a_flat_scalp_flows_to_the_side_where_it_hangs():
     assert (flow[hull.hair & hangs][:, 1] < -0.5).mean() > 0.95
 
 
+def test_stubble_beside_long_hair_ends_where_it_stands():
+    # A shaved plate, and a tall column over one end of it.
+    def inside(p):
+        plate = (np.abs(p[:, 1]) < 0.008) & (np.abs(p[:, 0]) < 0.06)
+        column = (np.abs(p[:, 0] - 0.05) < 0.01) & (p[:, 1] > 0) & (p[:, 1] < 0.08)
+        return (plate | column) & (np.abs(p[:, 2]) < 0.03)
+
+    hull = hull_where(inside, [-0.07, -0.02, -0.04], [0.07, 0.1, 0.04], SPACING)
+    field = signless(hull, np.tile([0.0, 1.0, 0.0], (*hull.grid.shape, 1)))
+    centres = all_centres(hull)
+    shaved = hull.hair & (centres[..., 0] < 0.03)
+    # At the scalp's samples hair comes out as fast as it ends.
+    outer = shaved & (centres[..., 1] > 0.0)
+    scalp = scalp_at(-0.008, half=0.058)
+    long, short = (
+        hair_flow(hull, one, scalp)[outer]
+        for one in (field, field._replace(stubble=shaved))
+    )
+    assert np.median(long[:, 0]) > 0.6
+    assert (short[:, 1] > 0.8).mean() > 0.95
+
+
 def test_hair_on_a_cap_parts_where_both_ways_out_are_alike():
     # Hair over a roof that hangs down on both sides.
     def inside(p):

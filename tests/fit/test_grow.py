@@ -105,6 +105,20 @@ def test_strands_slide_along_the_hull_where_they_leave_it_at_a_low_angle():
     assert (strands[:, -1, 1] < -0.19).all()
 
 
+def test_stubble_ends_where_longer_hair_would_slide_along_the_hull():
+    hull = tube()
+    field = constant(hull, [np.sin(0.5), -np.cos(0.5), 0.0])
+    short = field._replace(stubble=np.ones(hull.grid.shape, bool))
+    slides, ends = (
+        grow(hull, one, field.direction, ROOTS, DOWN, 40) for one in (field, short)
+    )
+    assert (slides[:, -1, 1] < -0.19).all()
+    tips = ends[:, -1]
+    assert np.abs(np.hypot(tips[:, 0], tips[:, 2]) - 0.03).max() < SPACING
+    across = np.sqrt(0.03**2 - ROOTS[:, 2] ** 2) - ROOTS[:, 0]
+    assert (lengths(ends) < across / np.sin(0.5) + 2 * SPACING).all()
+
+
 def test_strands_end_where_they_leave_the_hull_steeply():
     hull = tube()
     level = np.tile([1.0, 0.0, 0.0], (5, 1))
