@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..capture.orientation import OrientationMap, estimate_orientation
-from ..render.raster import Raster, rasterise
+from ..render.raster import Raster, rasterise_wider
 from .visibility import Sight
 
 COVER_PX = 1.0
@@ -47,12 +47,25 @@ class WeightedErrors(NamedTuple):
     median: float
 
 
+class Drawn(NamedTuple):
+    """Strands in a photograph: in their own pixels, and as wide as they cover."""
+
+    thin: Raster
+    wide: Raster
+
+
+def draw_in(points: Float[np.ndarray, "strands knots 3"], sight: Sight) -> Drawn:
+    """Return strands as a photograph would show them."""
+    radii = (0.0, COVER_PX)
+    return Drawn(*rasterise_wider(points, sight.view.camera, radii, sight.behind))
+
+
 def compare_with_photograph(
     points: Float[np.ndarray, "strands knots 3"],
     sight: Sight,
     *,
     found: OrientationMap | None = None,
-    drawn: Raster | None = None,
+    drawn: Drawn | None = None,
 ) -> PhotographErrors:
     """Return how strands fit one photograph.
 
@@ -60,19 +73,17 @@ def compare_with_photograph(
         points: The strands, with equal counts of points.
         sight: The photograph.
         found: Its orientation map, if that is known already.
-        drawn: The strands as `rasterise` draws them in it, if that is known already.
+        drawn: The strands as `draw_in` draws them in it, if that is known already.
     """
-    view, behind = sight
-    if drawn is None:
-        drawn = rasterise(points, view.camera, mesh_depth=behind)
-    wide = rasterise(points, view.camera, mesh_depth=behind, radius_px=COVER_PX)
+    view = sight.view
+    thin, wide = draw_in(points, sight) if drawn is None else drawn
     if found is None:
         found = estimate_orientation(view.image, view.hair)
-    weight = np.where(drawn.coverage & view.hair, found.confidence, 0.0)
+    weight = np.where(thin.coverage & view.hair, found.confidence, 0.0)
     at = weight > 0.0
     errors = None
     if at.any():
-        errors = weigh(line_angle(drawn.orientation[at], found.angle[at]), weight[at])
+        errors = weigh(line_angle(thin.orientation[at], found.angle[at]), weight[at])
     return PhotographErrors(
         name=view.name,
         mean_angle_deg=None if errors is None else float(np.degrees(errors.mean)),

@@ -1,5 +1,6 @@
 """Strands and meshes into depth pictures: an exact, repeatable z-buffer in NumPy."""
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -112,29 +113,43 @@ def rasterise(
         radius_px: Half of the width of a strand beyond its own pixels.
         step_px: Greatest distance between two samples of a segment.
     """
+    return next(rasterise_wider(points, camera, (radius_px,), mesh_depth, step_px))
+
+
+def rasterise_wider(
+    points: Float[np.ndarray, "strands knots 3"],
+    camera: Camera,
+    radii_px: Sequence[float],
+    mesh_depth: Float[np.ndarray, "height width"] | None = None,
+    step_px: float = 0.7,
+) -> Iterator[Raster]:
+    """Give what `rasterise` returns for each radius, sampling strands once."""
     width, height = camera.width, camera.height
     pixels = project_points(points, camera)
     angle = np.arctan2(
         np.diff(pixels.pixel[..., 1], axis=1), np.diff(pixels.pixel[..., 0], axis=1)
     ).reshape(-1)
     segments = picture_segments(pixels, width, height)
-    front = dilate(front_most(segments, width, height, step_px), radius_px)
-    covered = front > 0
-    depth = np.full((height, width), np.inf)
-    bits = (front[covered] >> 32).astype(np.int32)
-    depth[covered] = 1.0 / bits.view(np.float32).astype(np.float64)
-    if mesh_depth is not None:
-        covered &= depth <= mesh_depth
-        depth[~covered] = np.inf
-    index = (1 << 32) - 1 - (front[covered] & 0xFFFFFFFF)
-    orientation = np.zeros((height, width))
-    # Rounding can bring the smallest negative angle to pi itself.
-    folded = np.mod(angle[index], np.pi)
-    orientation[covered] = np.where(folded >= np.pi, 0.0, folded)
-    strand = np.full((height, width), -1, np.int32)
-    segment = strand.copy()
-    strand[covered], segment[covered] = np.divmod(index, max(points.shape[1] - 1, 1))
-    return Raster(depth, orientation, covered, strand, segment)
+    thin = front_most(segments, width, height, step_px)
+    for radius_px in radii_px:
+        front = dilate(thin, radius_px)
+        covered = front > 0
+        depth = np.full((height, width), np.inf)
+        bits = (front[covered] >> 32).astype(np.int32)
+        depth[covered] = 1.0 / bits.view(np.float32).astype(np.float64)
+        if mesh_depth is not None:
+            covered &= depth <= mesh_depth
+            depth[~covered] = np.inf
+        index = (1 << 32) - 1 - (front[covered] & 0xFFFFFFFF)
+        orientation = np.zeros((height, width))
+        # Rounding can bring the smallest negative angle to pi itself.
+        folded = np.mod(angle[index], np.pi)
+        orientation[covered] = np.where(folded >= np.pi, 0.0, folded)
+        strand = np.full((height, width), -1, np.int32)
+        segment = strand.copy()
+        owner = np.divmod(index, max(points.shape[1] - 1, 1))
+        strand[covered], segment[covered] = owner
+        yield Raster(depth, orientation, covered, strand, segment)
 
 
 def picture_segments(pixels: Pixels, width: int, height: int) -> Segments:
@@ -149,14 +164,12 @@ def picture_segments(pixels: Pixels, width: int, height: int) -> Segments:
     safe = np.where(np.minimum(z0, z1) > NEAR)[0]
     start, end, z0, z1 = start[safe], end[safe], z0[safe], z1[safe]
     delta = end - start
+    enter, leave = np.zeros(len(safe)), np.ones(len(safe))
     size = np.array([width, height], np.float64)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        low, high = -start / delta, (size - start) / delta
-    level = delta == 0.0
-    outside = level & ((start < 0.0) | (start >= size))
-    enter = np.where(level, -np.inf, np.minimum(low, high)).max(1).clip(0.0, None)
-    leave = np.where(level, np.inf, np.maximum(low, high)).min(1).clip(None, 1.0)
-    keep = np.where(~outside.any(1) & (enter <= leave))[0]
+    within = ((start >= 0.0) & (start < size) & (end >= 0.0) & (end < size)).all(1)
+    crossing = np.flatnonzero(~within)
+    enter[crossing], leave[crossing] = clipped(start[crossing], delta[crossing], size)
+    keep = np.flatnonzero(enter <= leave)
     enter, leave = enter[keep], leave[keep]
     inverse0, inverse1 = 1.0 / z0[keep], 1.0 / z1[keep]
     slope = inverse1 - inverse0
@@ -166,6 +179,24 @@ def picture_segments(pixels: Pixels, width: int, height: int) -> Segments:
         np.stack([inverse0 + enter * slope, (leave - enter) * slope], 1),
         safe[keep],
     )
+
+
+def clipped(
+    start: Float[np.ndarray, "segments 2"],
+    delta: Float[np.ndarray, "segments 2"],
+    size: Float[np.ndarray, " 2"],
+) -> tuple[Float[np.ndarray, " segments"], Float[np.ndarray, " segments"]]:
+    """Return at which share of itself each segment enters a picture and leaves it.
+
+    It leaves before it enters where it passes beside the picture.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = -start / delta, (size - start) / delta
+    level = delta == 0.0
+    outside = level & ((start < 0.0) | (start >= size))
+    enter = np.where(level, -np.inf, np.minimum(low, high)).max(1).clip(0.0, None)
+    leave = np.where(level, np.inf, np.maximum(low, high)).min(1).clip(None, 1.0)
+    return enter, np.where(outside.any(1), -np.inf, leave)
 
 
 def front_most(

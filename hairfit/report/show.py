@@ -11,12 +11,15 @@ from jaxtyping import Float, UInt8
 from ..capture.capture import Capture, View
 from ..capture.orientation import OrientationMap
 from ..capture.photos import encode_picture
-from ..evaluate.photographs import PhotographErrors, compare_with_photograph
+from ..evaluate.photographs import (
+    PhotographErrors,
+    compare_with_photograph,
+    draw_in,
+)
 from ..evaluate.visibility import Sight, even_strands
 from ..fit import FitResult
 from ..fit.appearance import Appearance
 from ..render.camera import Camera, resized
-from ..render.raster import rasterise
 from ..render.scene import Background, Scene
 from ..render.studio import preview_scene
 from .certainty import certainty_pictures
@@ -112,14 +115,14 @@ def page_of(
 ) -> Compared:
     """Return what a report shows of one photograph, and of it drawn again."""
     view = sight.view
-    raster = rasterise(points, view.camera, mesh_depth=sight.behind)
-    errors = compare_with_photograph(points, sight, found=found, drawn=raster)
+    drawn = draw_in(points, sight)
+    errors = compare_with_photograph(points, sight, found=found, drawn=drawn)
     window = hair_window(view.hair)
     page = ViewPage(
         view.name,
         photo_picture(view)[window],
         orientation_picture(found, view.hair)[window],
-        overlay_picture(view, raster)[window],
+        overlay_picture(view, drawn.thin)[window],
         in_words(errors),
         again[window_of(view, again)],
     )

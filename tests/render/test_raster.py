@@ -12,6 +12,7 @@ from hairfit.render import (
     rasterise,
     visible_points,
 )
+from hairfit.render.raster import rasterise_wider
 from hairfit.types import Mesh
 
 FOCAL, WIDTH, HEIGHT = 100.0, 64, 48
@@ -170,6 +171,18 @@ def test_a_radius_widens_every_strand(camera):
     assert rows.tolist() == [18, 19, 20, 21, 22]
     columns = np.where(raster.coverage[20])[0]
     assert columns.tolist() == list(range(8, 33))
+
+
+def test_strands_are_as_wide_as_each_radius_says_drawn_together_or_alone(camera):
+    rng = np.random.default_rng(1)
+    strands = rng.normal(0.0, 0.3, (30, 5, 3)) + np.array([0.0, 0.0, 1.5])
+    radii = (0.0, 1.0, 2.5)
+    together = list(rasterise_wider(strands, camera, radii))
+    for radius, found in zip(radii, together, strict=True):
+        alone = rasterise(strands, camera, radius_px=radius)
+        assert all(map(np.array_equal, found, alone))
+    covered = [one.coverage.sum() for one in together]
+    assert 0 < covered[0] < covered[1] < covered[2]
 
 
 def test_hair_beside_and_behind_the_camera_leaves_no_trace(camera):
