@@ -18,7 +18,7 @@ SKIN_GAP = 0.0005
 DEEPEST = 0.0007
 HIGHEST_ROOT = 0.0018  # metres above the skin
 PIECES = 24  # a segment near the skin is looked at in so many pieces
-HALVED = (2, 4, 8)  # and before in so few, which exclude most
+HALVED = (2, 4, 8)  # and before in so few, whole shares of them, which exclude most
 SPARE = 1.03  # for strands that must go as a whole
 LIFTS = 6  # how often strands are lifted over corners that they would cut
 FARTHEST_LIFT = 0.004  # metres that a point is lifted each time, at most
@@ -91,10 +91,9 @@ class Outside(NamedTuple):
 def _outside(strands: Float[np.ndarray, "strands points 3"], skin: Skin) -> Outside:
     """Return the strands laid onto the skin and cut where they dive."""
     points = strands.shape[1]
-    strands = lifted(strands, skin)
-    # As they will be stored: rounding may not push a point back in.
-    strands = strands.astype(np.float32).astype(np.float64)
-    last = last_outside(strands, skin)
+    strands, diving = lifted(strands, skin)
+    last = np.where(_rooted(strands, skin), points - 1, 0)
+    last[diving] = last_outside(strands[diving], skin)
     cut = np.flatnonzero(last < points - 1)
     for strand in cut:
         strands[strand, last[strand] :] = strands[strand, last[strand]]
@@ -104,9 +103,14 @@ def _outside(strands: Float[np.ndarray, "strands points 3"], skin: Skin) -> Outs
     return Outside(strands, np.flatnonzero(keep))
 
 
-def lifted(
-    strands: Float[np.ndarray, "strands points 3"], skin: Skin
-) -> Float[np.ndarray, "strands points 3"]:
+class Lifted(NamedTuple):
+    """Strands out of the head, and the indices of those that may dive all the same."""
+
+    strands: Float[np.ndarray, "strands points 3"]
+    diving: Int[np.ndarray, " diving"]
+
+
+def lifted(strands: Float[np.ndarray, "strands points 3"], skin: Skin) -> Lifted:
     """Return strands whose points, and whose segments if some steps can do it, are out.
 
     Both ends of a segment that runs under the skin move out by as much as its deepest
@@ -120,26 +124,29 @@ def lifted(
     left = np.arange(len(strands))
     for _ in range(LIFTS):
         dives = find_dives(strands[left], skin)
-        if not len(dives.strand):
+        owner = left[dives.strand]
+        left = np.unique(owner)
+        if not len(left):
             break
         out = push_out(skin, dives.spot, SKIN_GAP) - dives.spot
         far = np.linalg.norm(out, axis=1, keepdims=True)
         out *= np.minimum(1.0, FARTHEST_LIFT / np.maximum(far, 1e-9))
-        owner = left[dives.strand]
         for end in (dives.segment, dives.segment + 1):
             moves = end > 0
             strands[owner[moves], end[moves]] += out[moves]
-        left = np.unique(owner)
         strands[left, 1:] = laid(strands[left, 1:], skin)
-    return strands
+    return Lifted(strands, left)
 
 
 def laid(
     strands: Float[np.ndarray, "strands points 3"], skin: Skin
 ) -> Float[np.ndarray, "strands points 3"]:
-    """Return strands with those points that are in the head laid onto its skin."""
-    points = strands.reshape(-1, 3)
-    return push_out(skin, points, SKIN_GAP).reshape(strands.shape)
+    """Return strands with those points that are in the head laid onto its skin.
+
+    They are as they will be stored: rounding shall not push a point back in.
+    """
+    points = push_out(skin, strands.reshape(-1, 3), SKIN_GAP)
+    return points.reshape(strands.shape).astype(np.float32).astype(np.float64)
 
 
 class Dives(NamedTuple):
@@ -174,22 +181,38 @@ def find_dives(strands: Float[np.ndarray, "strands points 3"], skin: Skin) -> Di
         halves[:, ::2], halves[:, 1::2] = known, middle.reshape(-1, pieces // 2)
         still = _may_dive(halves, length[left])
         left, known = left[still], halves[still]
-    spots = _along(start[left], step[left], np.arange(1, PIECES + 1) / PIECES)
-    depth = skin.nearest(spots).distance.reshape(-1, PIECES)
-    deep = np.flatnonzero(depth.min(axis=1) < -DEEPEST)
-    spot = spots.reshape(-1, PIECES, 3)[deep, depth[deep].argmin(axis=1)]
+    # Between those places, only where it may run too deep.
+    finer = PIECES // HALVED[-1]
+    depth = np.full((len(left), PIECES + 1), np.inf)
+    depth[:, finer::finer] = known[:, 1:]
+    segments, part = np.nonzero(_pieces_that_may_dive(known, length[left]))
+    place = (finer * part[:, None] + np.arange(1, finer)).ravel()
+    segments = np.repeat(segments, finer - 1)
+    share = place[:, None] / PIECES
+    between = start[left[segments]] + share * step[left[segments]]
+    depth[segments, place] = skin.nearest(between).distance
+    deep = np.flatnonzero(depth.min(axis=1, initial=np.inf) < -DEEPEST)
+    share = depth[deep].argmin(axis=1)[:, None] / PIECES
+    spot = start[left[deep]] + share * step[left[deep]]
     return Dives(strand[left[deep]], segment[left[deep]], spot)
 
 
 def _may_dive(
     away: Float[np.ndarray, "*segments places"], length: Float[np.ndarray, "*segments"]
 ) -> Bool[np.ndarray, "*segments"]:
-    """Return which segments may run too deep, by distances at places even along them.
+    """Return which segments may run too deep, by distances at even places."""
+    return np.any(_pieces_that_may_dive(away, length), axis=-1)
+
+
+def _pieces_that_may_dive(
+    away: Float[np.ndarray, "*segments places"], length: Float[np.ndarray, "*segments"]
+) -> Bool[np.ndarray, "*segments pieces"]:
+    """Return between which places segments may run too deep.
 
     Distance changes by no more than one walks.
     """
     reach = length / (away.shape[-1] - 1) - 2.0 * DEEPEST
-    return (away[..., 1:] + away[..., :-1] < reach[..., None]).any(axis=-1)
+    return away[..., 1:] + away[..., :-1] < reach[..., None]
 
 
 def _along(
@@ -211,6 +234,13 @@ def last_outside(
     dives = find_dives(strands, skin)
     first = np.full(count, points - 1)
     np.minimum.at(first, dives.strand, dives.segment)
+    return np.where(_rooted(strands, skin), first, 0)
+
+
+def _rooted(
+    strands: Float[np.ndarray, "strands points 3"], skin: Skin
+) -> Bool[np.ndarray, " strands"]:
+    """Return which strands have their roots on the skin."""
     # The patch is smooth and leaves out the mesh's pits: no hair grows over these.
     height = skin.nearest(strands[:, 0]).distance
-    return np.where((height >= -DEEPEST) & (height <= HIGHEST_ROOT), first, 0)
+    return (height >= -DEEPEST) & (height <= HIGHEST_ROOT)

@@ -7,7 +7,14 @@ from ball_hair import RADIUS, ball, dome, meridian
 
 from hairfit.capture.distance import Skin, signed_distance
 from hairfit.errors import InputError
-from hairfit.fit.derive import DEEPEST, SKIN_GAP, derive_strands, last_outside
+from hairfit.fit.derive import (
+    DEEPEST,
+    PIECES,
+    SKIN_GAP,
+    derive_strands,
+    find_dives,
+    last_outside,
+)
 from hairfit.model import HairTree, ScalpContour, plant, sample_strands
 
 COUNT, POINTS = 150, 16
@@ -105,3 +112,24 @@ def test_a_long_segment_through_the_head_is_seen_though_its_ends_are_outside():
     through = np.stack([root, [0.02, 0.1, 0.0], [0.02, -0.1, 0.0]])
     assert last_outside(through[None], Skin(head)).tolist() == [1]
     assert last_outside(np.zeros((0, 5, 3)), Skin(head)).tolist() == []
+
+
+def test_dives_are_those_that_looking_at_every_piece_finds():
+    head = ball()
+    rng = np.random.default_rng(0)
+    strands = rng.normal(size=(40, 6, 3))
+    far = RADIUS * rng.uniform(0.97, 1.2, (40, 6, 1))
+    strands *= far / np.linalg.norm(strands, axis=2, keepdims=True)
+    # Some segments are short and near the skin, others cut through the ball.
+    strands[:20] = strands[:20, :1] + 0.05 * (strands[:20] - strands[:20, :1])
+    found = find_dives(strands, Skin(head))
+    share = np.arange(1, PIECES + 1)[:, None] / PIECES
+    start, step = strands[:, :-1, None], np.diff(strands, axis=1)[:, :, None]
+    every = start + share * step
+    depth = signed_distance(head, every.reshape(-1, 3)).reshape(every.shape[:3])
+    strand, segment = np.nonzero(depth.min(axis=2) < -DEEPEST)
+    assert 10 < len(strand) < 190
+    assert np.array_equal(found.strand, strand)
+    assert np.array_equal(found.segment, segment)
+    deepest_one = every[strand, segment, depth[strand, segment].argmin(axis=1)]
+    assert np.allclose(found.spot, deepest_one, atol=1e-12)
