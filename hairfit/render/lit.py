@@ -1,5 +1,6 @@
 """Light on a scene's hair and head, by JAX: what `render.gl` does with shaders."""
 
+from collections.abc import Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -10,19 +11,20 @@ from jax.scipy.ndimage import map_coordinates
 from jaxtyping import Array, Bool, Float
 
 from ..types import Mesh
-from .lights import PointLight, knot_tangents, unit
-from .opacity_volume import OpacityConfig, opacity_volume
+from .lights import Arriving, PointLight, knot_tangents, unit
+from .opacity_volume import OpacityConfig, OpacityVolume, opacity_volume
 from .phase import PhaseAngles, phase_angles
 from .raster import share_to_faces, vertex_normals
 from .scene import HairLook, Light, Scene, head_places, light_view
 from .shading import Fibre, kajiya_kay
-from .shadow_style import ShadowStyle
 from .strand_samples import samples_needed
 from .view import View
 
 # Slabs that do what layers of their own depth in every texel do, and the largest map
 # that is not too slow.
 SLABS, LARGEST = 64, 512
+# Of a segment: so that small maps share a program, however many would do.
+FEWEST_SAMPLES = 2
 
 
 class Arrived(NamedTuple):
@@ -55,50 +57,75 @@ def light_at(
         lights: The lights.
     """
     at = jnp.asarray(places, number())
+    kappa = jnp.asarray(scene.kappa, number())
     head = None if scene.head is None else solid(scene.head)
-    ways, found = [], []
-    for light in lights:
-        arriving = jax.vmap(light.arriving)(at)
-        share = jnp.ones_like(at)
-        if scene.shadows is not None:
-            share = shares(at, light, scene, scene.shadows)
-            if head is not None:
-                free = lit_past(head, places, light, scene.shadows.bias)
-                share = share * jnp.asarray(free, number())[:, None]
-        ways.append(arriving.to_light)
-        found.append(arriving.radiance * share)
-    none = jnp.zeros((0, len(places), 3), number())
-    return Arrived(*(jnp.stack(x) if x else none for x in (ways, found)))
+    found = []
+    for light, volume in zip(lights, hair_before(lights, scene), strict=True):
+        free = np.ones(len(places), bool)
+        if scene.shadows is not None and head is not None:
+            free = lit_past(head, places, light, scene.shadows.bias)
+        found.append(arriving(light, volume, kappa, jnp.asarray(free), at))
+    if not found:
+        return Arrived(*[jnp.zeros((0, len(places), 3), number())] * 2)
+    return Arrived(*(jnp.stack(part) for part in zip(*found, strict=True)))
 
 
-def shares(
-    at: Float[Array, "places 3"], light: Light, scene: Scene, style: ShadowStyle
-) -> Float[Array, "places 3"]:
-    """Return the share of a light that hair lets through to places, in RGB."""
-    look = scene.look
-    if scene.strands.size == 0:
-        return jnp.ones_like(at)
+def hair_before(
+    lights: tuple[Light, ...], scene: Scene
+) -> Iterator[OpacityVolume | None]:
+    """Give the opacity of hair before each light, None where none casts shadows."""
+    style = scene.shadows
+    if style is None or scene.strands.size == 0:
+        yield from (None for _ in lights)
+        return
     points = np.asarray(scene.strands, number())
-    size = min(style.size, LARGEST)
-    view = light_view(light, points.reshape(-1, 3).astype(np.float64), size)
-    view = jax.tree.map(lambda x: jnp.asarray(x, number()), view)
+    flat, size = points.reshape(-1, 3).astype(np.float64), min(style.size, LARGEST)
+    views = [
+        jax.tree.map(lambda x: jnp.asarray(x, number()), light_view(light, flat, size))
+        for light in lights
+    ]
     slabs = SLABS if style.scheme == "adaptive" else max(style.slices, 2)
-    config = OpacityConfig(slabs, rounded_up(samples_needed(jnp.asarray(points), view)))
-    width = jnp.asarray(look.width, number())
-    opacity = opacity_at(jnp.asarray(points), width, view, at, config)
-    return jnp.exp(-jnp.asarray(scene.kappa[None], number()) * opacity[:, None])
+    hair, width = jnp.asarray(points), jnp.asarray(scene.look.width, number())
+    # The same for all lights: one program.
+    most = max((samples_needed(hair, view) for view in views), default=1)
+    config = OpacityConfig(slabs, rounded_up(max(most, FEWEST_SAMPLES)))
+    for view in views:
+        yield volume_of(hair, width, view, config)
 
 
 @partial(jax.jit, static_argnames="config")
-def opacity_at(
+def volume_of(
     points: Float[Array, "strands knots 3"],
     width: Float[Array, ""],
     view: View,
-    places: Float[Array, "places 3"],
     config: OpacityConfig,
-) -> Float[Array, " places"]:
-    """Return the opacity of hair between a light and places."""
-    return opacity_volume(points, width, view, config=config).at(places)
+) -> OpacityVolume:
+    """Return the opacity of hair before a light."""
+    return opacity_volume(points, width, view, config=config)
+
+
+@jax.jit
+def arriving(
+    light: Light,
+    volume: OpacityVolume | None,
+    kappa: Float[Array, " 3"],
+    free: Bool[Array, " places"],
+    places: Float[Array, "places 3"],
+) -> Arriving:
+    """Return the light at places, through hair where there is a volume of it.
+
+    Args:
+        light: The light.
+        volume: The opacity of hair before it.
+        kappa: What that takes of each colour.
+        free: Which places a head does not hide.
+        places: Where, in metres.
+    """
+    found = jax.vmap(light.arriving)(places)
+    share = free.astype(places.dtype)[:, None]
+    if volume is not None:
+        share = share * jnp.exp(-kappa[None] * volume.at(places)[:, None])
+    return Arriving(found.to_light, found.radiance * share)
 
 
 def rounded_up(count: int) -> int:
