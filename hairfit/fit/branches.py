@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 from ..render.raster import unit
 from ..types import resample_paths
 from .evidence import Field
-from .grow import GrowConfig, grow
+from .grow import AT_ONCE, GrowConfig, grow
 from .hull import Hull
 
 DEEP = 1.0  # voxels within the hull: what lies nearer to its border may be no hair
@@ -27,7 +27,6 @@ SAME = 0.7  # cosine of the angle between the two
 CLOSEST = 24  # points of strands that a path looks at
 ROUNDS = 2
 SEEDS = 0.125  # empty places tried in a round, for each strand; in whole batches
-BATCH = 128
 FINE = 150  # points of a path
 SMOOTH = 4.0  # points over which a branch leaves its strand
 
@@ -59,8 +58,8 @@ def with_branches(
     """
     rng = np.random.default_rng(seed)
     found, origin = strands, np.arange(len(strands))
-    # Rounded up, or each number of strands would be compiled anew.
-    count = BATCH * int(np.ceil(SEEDS * len(strands) / BATCH))
+    # What is traced together costs as much with fewer.
+    count = AT_ONCE * int(np.ceil(SEEDS * len(strands) / AT_ONCE))
     for _ in range(ROUNDS):
         paths = resample_paths(found, FINE)
         near = KDTree(paths.reshape(-1, 3))

@@ -17,6 +17,7 @@ from .hull import Hull
 
 # Of the scalp's normal in a strand's first direction, against the flow's.
 LIFT = 0.2
+AT_ONCE = 512  # strands that are traced together
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,16 +83,22 @@ def grow(
     stubble = np.zeros(hull.grid.shape) if field.stubble is None else field.stubble
     parts = [field.direction, field.anisotropy[..., None], flow, stubble[..., None]]
     lines = np.concatenate(parts, axis=-1)
-    path = _trace(
-        jnp.asarray(channels, jnp.float32),
-        jnp.asarray(lines, jnp.float32),
-        jnp.asarray(hull.grid.origin, jnp.float32),
-        jnp.asarray(spacing, jnp.float32),
-        jnp.asarray(roots, jnp.float32),
-        jnp.asarray(normals, jnp.float32),
-        config,
+    space = [
+        jnp.asarray(one, jnp.float32)
+        for one in (channels, lines, hull.grid.origin, spacing)
+    ]
+    # So many at once, or each number of strands would be compiled anew.
+    spare = [(0, -len(roots) % AT_ONCE), (0, 0)]
+    starts, outwards = (
+        np.pad(one.astype(np.float32), spare, mode="edge").reshape(-1, AT_ONCE, 3)
+        for one in (roots, normals)
     )
-    points = np.concatenate([roots[None], np.asarray(path, np.float64)])
+    paths = [
+        np.asarray(_trace(*space, jnp.asarray(start), jnp.asarray(outward), config))
+        for start, outward in zip(starts, outwards, strict=True)
+    ]
+    path = np.concatenate(paths, axis=1)[:, : len(roots)].astype(np.float64)
+    points = np.concatenate([roots[None], path])
     return resample_paths(points.transpose(1, 0, 2), knots)
 
 

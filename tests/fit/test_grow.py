@@ -3,7 +3,7 @@ import pytest
 from ball_hair import RADIUS, hull_where, meridian
 
 from hairfit.fit.evidence import Field
-from hairfit.fit.grow import GrowConfig, grow
+from hairfit.fit.grow import AT_ONCE, GrowConfig, grow
 
 CONFIG = GrowConfig()
 SPACING = 0.004
@@ -55,6 +55,19 @@ def test_in_a_constant_field_strands_run_straight_to_the_end_of_the_hull():
     assert np.abs(strands[:, :, [0, 2]] - ROOTS[:, None, [0, 2]]).max() < 1e-5
     expected = 0.2 + ROOTS[:, 1]
     assert np.abs(lengths(strands) - expected).max() < 2 * CONFIG.step
+
+
+def test_a_strand_grows_alike_alone_and_among_many():
+    hull = tube()
+    field, flow = constant(hull, [0.3, 1, 0.1]), one_way(hull, [0.1, -1, 0])
+    rng = np.random.default_rng(0)
+    roots = rng.uniform(-0.015, 0.015, (AT_ONCE + 40, 3)) - [0.0, 0.02, 0.0]
+    down = np.tile(DOWN[:1], (len(roots), 1))
+    many = grow(hull, field, flow, roots, down, 20)
+    assert many.shape == (AT_ONCE + 40, 20, 3)
+    for part in (slice(3, 4), slice(AT_ONCE - 2, AT_ONCE + 5)):
+        alone = grow(hull, field, flow, roots[part], down[part], 20)
+        assert np.allclose(alone, many[part], atol=1e-7)
 
 
 def test_the_sign_of_the_field_does_not_matter():

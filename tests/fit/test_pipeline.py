@@ -11,9 +11,10 @@ from hairfit.capture.distance import signed_distance
 from hairfit.errors import InputError
 from hairfit.evaluate.curls import find_curls
 from hairfit.fit import FitConfig, fit_capture, pipeline
-from hairfit.fit.branches import BATCH, ROUNDS
+from hairfit.fit.branches import ROUNDS
 from hairfit.fit.curls import Curls
 from hairfit.fit.derive import derive_strands
+from hairfit.fit.grow import AT_ONCE
 from hairfit.fit.pipeline import PRESETS, STRAND_POINTS, Preset
 from hairfit.fit.refine import RefineConfig
 from hairfit.model.tree import leaves, levels
@@ -84,7 +85,7 @@ def test_the_tree_has_its_levels_and_its_figures_are_right(fitted):
     assert figures["leaf_clusters"] == len(leaves(tree)) <= COARSE.leaves
     assert figures["voxel_mm"] >= 8.0
     assert figures["grown_strands"] <= COARSE.guides
-    assert 0 < figures["branches"] <= ROUNDS * BATCH
+    assert 0 < figures["branches"] <= ROUNDS * AT_ONCE
     points = strands_of(result)
     lengths = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
     assert np.isclose(figures["median_length_mm"], 1e3 * np.median(lengths), rtol=1e-5)
