@@ -91,7 +91,7 @@ def compile_refinement(shapes: Shapes, config: RefineConfig) -> None:
     turn = Turn(zeros(dtype=np.int32), zeros(shapes.clusters, dtype=np.int32))
     moves = still(problem.cylinder)
     move(problem, moves, turn)
-    strands_of(problem, problem.cylinder, config.points)
+    before = strands_of(problem, problem.cylinder, config.points)
     segments = (shapes.views, config.strands, config.points - 1)
     pulls, index = (shapes.views, PULLS), np.int32
     strand, empty = zeros(*pulls, dtype=index), zeros(DRAWN, dtype=index)
@@ -100,7 +100,7 @@ def compile_refinement(shapes: Shapes, config: RefineConfig) -> None:
         put(mesh, Pulls(strand, strand, zeros(*pulls, 2), zeros(*pulls)), BY_VIEW),
         put(mesh, Gaps(empty, empty, zeros(DRAWN, 3), zeros(DRAWN)), EVERYWHERE),
     )
-    descend(problem, moves, found, turn, zeros(dtype=index), config, mesh)
+    descend(problem, before, moves, found, turn, zeros(dtype=index), config, mesh)
 
 
 def zeros(*shape: int, dtype: DTypeLike = np.float32) -> Array:

@@ -177,6 +177,7 @@ def refine(
         above = [*ancestors(tree.parent, at), *range(tree.count, tree.count + spare)]
         turn = Turn(jnp.asarray(at, jnp.int32), jnp.asarray(above, jnp.int32))
         moves = still(problem.cylinder)
+        before = strands_of(problem, problem.cylinder, config.points)
         current = move(problem, moves, turn)
         for _ in range(config.rounds):
             if enough():
@@ -187,7 +188,7 @@ def refine(
                 put(mesh, find_pulls(strands, views, depths, done), BY_VIEW),
                 put(mesh, find_gaps(strands, places, done), EVERYWHERE),
             )
-            moves = descend(problem, moves, found, turn, steps, config, mesh)
+            moves = descend(problem, before, moves, found, turn, steps, config, mesh)
             current = move(problem, moves, turn)
             done += 1
             progress(done / (count * config.rounds))
@@ -355,6 +356,7 @@ def shared_out(problem: Problem, mesh: Mesh | None) -> Problem:
 @functools.partial(jax.jit, static_argnames=("config", "mesh"))
 def descend(
     problem: Problem,
+    before: Float[Array, "strands points 3"],
     moves: Moves,
     given: Found,
     turn: Turn,
@@ -362,8 +364,7 @@ def descend(
     config: RefineConfig,
     mesh: Mesh | None = None,
 ) -> Moves:
-    """Return the moves after so many steps of Adam."""
-    before = strands_of(problem, problem.cylinder, config.points)
+    """Return the moves after so many steps of Adam; strands were `before` them."""
     # Clusters that only fill the arrays do not move, and do not count.
     filled = problem.level.size / jnp.sum(problem.level >= 0, dtype=before.dtype)
 
