@@ -31,7 +31,7 @@ from hairfit.evaluate.match import find_matches
 from hairfit.evaluate.sample import sample_strands_evenly
 from hairfit.fit import FitConfig, fit_capture
 from hairfit.fit.confidence import with_confidence
-from hairfit.fit.refine import Samples
+from hairfit.fit.samples import Samples
 from hairfit.io.tree import load_tree
 from hairfit.model import HairTree, TreeConfidence, sample_hair
 from hairfit.model.tree import leaves

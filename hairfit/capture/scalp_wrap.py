@@ -5,6 +5,7 @@ The thesis has the user place the 13 by 13 control points by hand, 20 minutes a 
 to where the photographs show hair, and projected onto the mesh.
 """
 
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from jaxtyping import Float
 from scipy import ndimage
 
 from ..model.curve import catmull_rom_weights
-from ..model.scalp import Scalp
+from ..model.scalp import SIDE, Scalp
 from ..render.raster import cells, project_points
 from ..types import Mesh
 from .capture import View
@@ -36,7 +37,12 @@ class SeenHead(NamedTuple):
     depth: Float[np.ndarray, "height width"]
 
 
-_weights = jax.jit(catmull_rom_weights, static_argnums=0)
+@functools.cache
+def cap_weights() -> Float[np.ndarray, "samples 13"]:
+    """Return how a patch's control points weigh at the samples of its cap."""
+    share = jnp.asarray(np.linspace(0.0, 1.0, SAMPLES))
+    weights = jax.jit(catmull_rom_weights, static_argnums=0)(SIDE, share)
+    return np.asarray(weights, np.float64)
 
 
 def wrap_scalp(head: Mesh, seen: Sequence[SeenHead] = ()) -> Scalp:
@@ -59,7 +65,7 @@ def wrap_scalp(head: Mesh, seen: Sequence[SeenHead] = ()) -> Scalp:
     # Ears, collars and gaps between parts of a mesh are not the cranium.
     radii = ndimage.gaussian_filter(ndimage.median_filter(radii, 5), 1.0)
     target = cranium.centre + radii.reshape(-1, 1) * rays
-    weights = np.asarray(_weights(13, jnp.asarray(share)), np.float64)
+    weights = cap_weights()
     solve = np.linalg.pinv(weights)
     lift = np.zeros(len(target))
     control = np.zeros((13, 13, 3))

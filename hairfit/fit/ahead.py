@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array
 from numpy.typing import DTypeLike
 
+from ..capture.scalp_wrap import cap_weights
 from ..model.collide import DistanceField
 from ..model.contour import ANGLES
 from ..model.cylinder import GeneralizedCylinder
@@ -25,15 +26,14 @@ from .refine import (
     Found,
     Problem,
     RefineConfig,
-    Samples,
     Turn,
     descend,
     move,
     shared_out,
     still,
-    strands_of,
 )
 from .residuals import PULLS, SHRINK, PhotoMaps, Pulls
+from .samples import Clusters, Samples, grow_placed, place
 from .volume import DRAWN, Gaps, HairVolume, room_for
 
 
@@ -74,7 +74,7 @@ def compiling_ahead() -> Iterator[Callable[..., None]]:
 
 
 def compile_growth(guides: int, others: Sequence[int]) -> None:
-    """Sample roots of so many guides, and others, on no scalp."""
+    """Sample roots of so many guides, and others, on no scalp; weigh its cap."""
     scalp = Scalp(jnp.asarray(np.zeros((SIDE, SIDE, 3))))
     key = jax.random.key(0)
     uv = sample_roots(scalp, guides, key)
@@ -82,6 +82,7 @@ def compile_growth(guides: int, others: Sequence[int]) -> None:
     normals_on(scalp, uv)
     for count in others:
         sample_roots(scalp, count, key)
+    cap_weights()
 
 
 def compile_refinement(shapes: Shapes, config: RefineConfig) -> None:
@@ -91,7 +92,7 @@ def compile_refinement(shapes: Shapes, config: RefineConfig) -> None:
     turn = Turn(zeros(dtype=np.int32), zeros(shapes.clusters, dtype=np.int32))
     moves = still(problem.cylinder)
     move(problem, moves, turn)
-    before = strands_of(problem, problem.cylinder, config.points)
+    before = grow_placed(problem.cylinder, problem.placed, config.points)
     segments = (shapes.views, config.strands, config.points - 1)
     pulls, index = (shapes.views, PULLS), np.int32
     strand, empty = zeros(*pulls, dtype=index), zeros(DRAWN, dtype=index)
@@ -113,9 +114,9 @@ def empty_problem(shapes: Shapes, config: RefineConfig) -> Problem:
     count, knots, views = shapes.clusters, shapes.knots, shapes.views
     height, width = (edge // SHRINK for edge in shapes.size)
     grid = room_for(shapes.grid)
-    return Problem(
-        Scalp(zeros(SIDE, SIDE, 3)),
-        jax.vmap(ScalpContour)(zeros(count, 2), zeros(count), zeros(count, ANGLES)),
+    contour = (zeros(count, 2), zeros(count), zeros(count, ANGLES))
+    clusters = Clusters(
+        jax.vmap(ScalpContour)(*contour),
         jax.vmap(GeneralizedCylinder)(
             zeros(count, knots, 3),
             zeros(count, 3),
@@ -125,8 +126,12 @@ def empty_problem(shapes: Shapes, config: RefineConfig) -> Problem:
             zeros(count, knots),
             zeros(count, knots),
         ),
+    )
+    samples = Samples(zeros(config.strands, 2), zeros(config.strands, dtype=np.int32))
+    return Problem(
+        clusters.cylinder,
         zeros(count, dtype=np.int32),
-        Samples(zeros(config.strands, 2), zeros(config.strands, dtype=np.int32)),
+        place(Scalp(zeros(SIDE, SIDE, 3)), clusters, samples),
         PhotoMaps(
             zeros(views, height, width, 2),
             zeros(views, height, width),

@@ -20,10 +20,9 @@ from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..model.certainty import TreeConfidence
 from ..model.cylinder import frames_of
-from ..model.strand import grow
 from ..model.tree import HairTree, leaves, levels
-from .refine import Samples, filled
 from .residuals import seen_segments
+from .samples import Samples, sampled_strands
 from .sightings import Told, outline_distance, pieces_of, scatter, tell
 from .unseen import find_room, place_variance, turn_variance
 
@@ -84,7 +83,7 @@ def with_confidence(
         depths: Depth of the head in them, in metres.
         maps: Their orientation maps.
         config: What is held of all hair.
-        room: Arrays hold so many clusters, if the tree has fewer, see `refine`.
+        room: Arrays hold so many clusters, if the tree has fewer: `sampled_strands`.
 
     Raises:
         ValueError: If there is no strand or no photograph.
@@ -107,10 +106,7 @@ def find_evidence(
     room: int = 0,
 ) -> Evidence:
     """Return what photographs tell, and what is held, of each stretch."""
-    whole = jnp.ones(len(samples.owner), samples.uv.dtype)
-    clusters = filled(tree, room)
-    grown = grow(tree.scalp, *clusters, *samples, whole, config.points)
-    strands = np.asarray(grown, np.float64)
+    strands = sampled_strands(tree, samples, config.points, room)
     knots = tree.cylinder.skeleton.shape[1]
     pieces = pieces_of(strands, np.asarray(samples.owner), tree.count, knots)
     seen = seen_segments(strands, views, depths).reshape(len(views), -1)

@@ -41,8 +41,9 @@ from .gather import Rooted, gather_strands
 from .grow import GrowConfig, grow
 from .hull import Hull, carve
 from .prune import prune
-from .refine import Photographs, RefineConfig, Samples, refine
+from .refine import Photographs, RefineConfig, refine
 from .residuals import photo_maps
+from .samples import Samples
 from .settle import settled
 from .shots import (
     Depths,

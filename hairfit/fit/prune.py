@@ -1,14 +1,12 @@
 """Leaf clusters that run where no hair can be are taken out of the tree."""
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy import ndimage
 
-from ..model.strand import grow
 from ..model.tree import HairTree, leaves, take
 from .hull import Hull
-from .refine import Samples, filled
+from .samples import Samples, sampled_strands
 
 STRAY = 0.006  # metres outside the hull at which a point counts as lost
 MOST_LOST = 0.12  # share of lost points that a leaf may have
@@ -33,7 +31,7 @@ def prune(
         samples: Strands over the whole scalp.
         hull: Where hair can be.
         points: How many points of each strand are looked at.
-        room: Arrays hold so many clusters, if the tree has fewer, see `refine`.
+        room: Arrays hold so many clusters, if the tree has fewer: `sampled_strands`.
     """
     lost = lost_share(tree, samples, hull, points=points, room=room)
     parent = np.asarray(tree.parent)
@@ -56,10 +54,7 @@ def lost_share(
     room: int = 0,
 ) -> Float[np.ndarray, " clusters"]:
     """Return the share of each leaf's strands' points that are outside the hull."""
-    whole = jnp.ones(len(samples.owner), samples.uv.dtype)
-    clusters = filled(tree, room)
-    strands = grow(tree.scalp, *clusters, *samples, whole, points)
-    places = np.asarray(strands, np.float64).reshape(-1, 3)
+    places = sampled_strands(tree, samples, points, room).reshape(-1, 3)
     at = (places - hull.grid.origin) / hull.grid.spacing - 0.5
     distance = ndimage.map_coordinates(hull.distance, at.T, order=1, mode="nearest")
     beyond = ~hull.grid.inside(hull.grid.voxel(places))

@@ -21,9 +21,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ..capture.capture import View
 from ..model.cylinder import GeneralizedCylinder, cylinder_frames
 from ..model.detail import contours_around
-from ..model.scalp import Scalp
-from ..model.strand import grow
-from ..model.tree import HairTree, ScalpContour, depths_of
+from ..model.tree import HairTree, depths_of
 from .devices import BY_BOTH, BY_STRAND, BY_VIEW, EVERYWHERE, device_mesh, put
 from .residuals import (
     PhotoMaps,
@@ -33,6 +31,7 @@ from .residuals import (
     image_loss,
     seen_segments,
 )
+from .samples import Placed, Samples, filled, grow_placed, place
 from .volume import Gaps, HairVolume, field_loss, find_gaps, gap_loss, head_loss
 
 FULL_PACE = 0.015  # metres between knots, from which on they move at the full rate
@@ -69,13 +68,6 @@ class RefineConfig:
     """What hair counts that no strand is near, within the hull."""
 
 
-class Samples(NamedTuple):
-    """The strands that are compared: roots and their leaf clusters."""
-
-    uv: Float[Array, "strands 2"]
-    owner: Int[Array, " strands"]
-
-
 class Moves(NamedTuple):
     """What is added to the clusters of one level."""
 
@@ -105,20 +97,16 @@ class Problem(NamedTuple):
     """All that a loss needs besides the moves.
 
     Attributes:
-        scalp: The scalp.
-        contour: The scalp contours of all clusters, stacked.
         cylinder: The clusters as they were before this level.
         level: Their levels; -1 for those that only fill the arrays.
-        samples: The strands that are compared.
+        placed: The strands that are compared.
         maps: What photographs say.
         volume: What is known of the space around.
     """
 
-    scalp: Scalp
-    contour: ScalpContour
     cylinder: GeneralizedCylinder
     level: Int[Array, " clusters"]
-    samples: Samples
+    placed: Placed
     maps: PhotoMaps
     volume: HairVolume
 
@@ -167,7 +155,8 @@ def refine(
     depth = depths_of(tree.parent)
     level = jnp.asarray(np.pad(depth, (0, spare), constant_values=-1), jnp.int32)
     clusters = filled(tree, room)
-    problem = Problem(tree.scalp, *clusters, level, samples, maps, volume)
+    placed = place(tree.scalp, clusters, samples)
+    problem = Problem(clusters.cylinder, level, placed, maps, volume)
     mesh = device_mesh(len(views), len(samples.owner))
     problem = shared_out(problem, mesh)
     steps = jnp.asarray(config.steps, jnp.int32)
@@ -177,12 +166,12 @@ def refine(
         above = [*ancestors(tree.parent, at), *range(tree.count, tree.count + spare)]
         turn = Turn(jnp.asarray(at, jnp.int32), jnp.asarray(above, jnp.int32))
         moves = still(problem.cylinder)
-        before = strands_of(problem, problem.cylinder, config.points)
+        before = grow_placed(problem.cylinder, problem.placed, config.points)
         current = move(problem, moves, turn)
         for _ in range(config.rounds):
             if enough():
                 break
-            strands = np.asarray(strands_of(problem, current, config.points))
+            strands = np.asarray(grow_placed(current, problem.placed, config.points))
             found = Found(
                 put(mesh, jnp.asarray(seen_segments(strands, views, depths)), BY_BOTH),
                 put(mesh, find_pulls(strands, views, depths, done), BY_VIEW),
@@ -197,25 +186,6 @@ def refine(
         lambda leaf: jnp.asarray(np.asarray(leaf)[: tree.count]), problem.cylinder
     )
     return eqx.tree_at(lambda t: t.cylinder, tree, refined)
-
-
-class Clusters(NamedTuple):
-    """Clusters as arrays."""
-
-    contour: ScalpContour
-    cylinder: GeneralizedCylinder
-
-
-def filled(tree: HairTree, room: int) -> Clusters:
-    """Return a tree's clusters, the last again and again up to `room` of them."""
-    spare = [(0, max(0, room - tree.count))]
-
-    def more(leaf):
-        rest = spare + [(0, 0)] * (leaf.ndim - 1)
-        # On the host: no program for each shape.
-        return jnp.asarray(np.pad(np.asarray(leaf), rest, mode="edge"))
-
-    return Clusters(*jax.tree.map(more, (tree.contour, tree.cylinder)))
 
 
 def ancestors(parent: tuple[int, ...], level: int) -> list[int]:
@@ -235,15 +205,6 @@ def still(cylinder: GeneralizedCylinder) -> Moves:
         jnp.zeros_like(cylinder.twist),
         jnp.zeros_like(cylinder.shear),
     )
-
-
-def strands_of(
-    problem: Problem, cylinder: GeneralizedCylinder, points: int
-) -> Float[Array, "strands points 3"]:
-    """Return the strands that are compared, grown from clusters as they are now."""
-    uv, owner = problem.samples
-    whole = jnp.ones(len(owner), uv.dtype)
-    return grow(problem.scalp, problem.contour, cylinder, uv, owner, whole, points)
 
 
 def moved(problem: Problem, moves: Moves, turn: Turn) -> GeneralizedCylinder:
@@ -348,7 +309,7 @@ def carry(
 def shared_out(problem: Problem, mesh: Mesh | None) -> Problem:
     """Return what a loss needs, as it is shared out over devices."""
     return put(mesh, problem, EVERYWHERE)._replace(
-        samples=put(mesh, problem.samples, BY_STRAND),
+        placed=put(mesh, problem.placed, BY_STRAND),
         maps=put(mesh, problem.maps, BY_VIEW),
     )
 
@@ -370,7 +331,7 @@ def descend(
 
     def loss(moves):
         cylinder = moved(problem, moves, turn)
-        strands = strands_of(problem, cylinder, config.points)
+        strands = grow_placed(cylinder, problem.placed, config.points)
         bend = jnp.diff(moves.skeleton, n=2, axis=1) / config.sigma_bend
         prior = jnp.mean((moves.skeleton / config.sigma_move) ** 2) + jnp.mean(bend**2)
         for change in (moves.scale, moves.twist, moves.shear):

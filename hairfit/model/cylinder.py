@@ -5,12 +5,15 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
 from .contour import contour_radius
 from .curve import EXACT, catmull_rom_weights, linear_weights
 from .frame import Frames, rotation_minimising_frames
 from .vector import perpendicular, reject, unit
+
+TOGETHER = 64  # clusters: frames are found for multiples of so many
 
 
 class GeneralizedCylinder(eqx.Module):
@@ -70,8 +73,24 @@ def cylinder_frames(cylinder: GeneralizedCylinder) -> Frames:
     return rotation_minimising_frames(cylinder.skeleton, cylinder.normal)
 
 
-frames_of = jax.jit(jax.vmap(cylinder_frames))
-"""The frames at the knots of stacked clusters."""
+def frames_of(cylinder: GeneralizedCylinder) -> Frames:
+    """Return the frames at the knots of stacked clusters.
+
+    Clusters are filled up to a common number, so that trees of about as many share a
+    compiled program. Runs outside `jit`.
+    """
+    count = len(cylinder.skeleton)
+    spare = -count % TOGETHER
+    given = (
+        # On the host: no program for each shape.
+        np.pad(np.asarray(x), [(0, spare), *[(0, 0)] * (x.ndim - 1)], mode="edge")
+        for x in (cylinder.skeleton, cylinder.normal)
+    )
+    found = _stacked_frames(*map(jnp.asarray, given))
+    return Frames(*(jnp.asarray(np.asarray(leaf)[:count]) for leaf in found))
+
+
+_stacked_frames = jax.jit(jax.vmap(rotation_minimising_frames))
 
 
 def knot_sections(

@@ -100,7 +100,6 @@ normals_on = jax.jit(jax.vmap(scalp_normal, (None, 0)))
 """Normals of the scalp at many places, `(places, 2)` to `(places, 3)`."""
 
 
-@functools.partial(jax.jit, static_argnames="count")
 def sample_roots(
     scalp: Scalp, count: int, key: PRNGKeyArray | UInt32[Array, " 2"]
 ) -> Float[Array, "count 2"]:
@@ -115,19 +114,31 @@ def sample_roots(
         count: Number of roots.
         key: Randomness.
     """
-    dtype = scalp.control.dtype
-    corner = jnp.linspace(0.0, 1.0, AREA_CELLS + 1, dtype=dtype)
+    return roots_in(area_up_to(scalp), count, key)
+
+
+@jax.jit
+def area_up_to(scalp: Scalp) -> Float[Array, " cells"]:
+    """Return the area of the patch up to and with each of its cells, row by row."""
+    corner = jnp.linspace(0.0, 1.0, AREA_CELLS + 1, dtype=scalp.control.dtype)
     weights = catmull_rom_weights(SIDE, corner)
     p = jnp.einsum("ai,bj,ijk->abk", weights, weights, scalp.control, precision=EXACT)
     area = norm(jnp.cross(p[1:, 1:] - p[:-1, :-1], p[:-1, 1:] - p[1:, :-1]))
-    total = jnp.cumsum(area.reshape(-1))
+    return jnp.cumsum(area.reshape(-1))
+
+
+@functools.partial(jax.jit, static_argnames="count")
+def roots_in(
+    total: Float[Array, " cells"], count: int, key: PRNGKeyArray | UInt32[Array, " 2"]
+) -> Float[Array, "count 2"]:
+    """Return random roots, as many in each cell as its share of the area asks for."""
     cell_key, place_key = jax.random.split(key)
-    share = jax.random.uniform(cell_key, (count,), dtype)
+    share = jax.random.uniform(cell_key, (count,), total.dtype)
     cell = jnp.searchsorted(total, share * total[-1], side="right")
     cell = jnp.minimum(cell, AREA_CELLS**2 - 1)
-    place = jax.random.uniform(place_key, (count, 2), dtype)
+    place = jax.random.uniform(place_key, (count, 2), total.dtype)
     index = jnp.stack([cell // AREA_CELLS, cell % AREA_CELLS], axis=1)
-    return (index.astype(dtype) + place) / AREA_CELLS
+    return (index.astype(total.dtype) + place) / AREA_CELLS
 
 
 def scalp_uv(

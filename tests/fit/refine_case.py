@@ -10,8 +10,9 @@ from jaxtyping import Array, Float
 
 from hairfit.fit.evidence import Field
 from hairfit.fit.hull import Hull
-from hairfit.fit.refine import Photographs, Samples
+from hairfit.fit.refine import Photographs
 from hairfit.fit.residuals import photo_maps
+from hairfit.fit.samples import Samples
 from hairfit.fit.volume import HairVolume, hair_volume
 from hairfit.model import (
     HairTree,

@@ -14,8 +14,9 @@ from hairfit.fit.ahead import (
     compiling_ahead,
 )
 from hairfit.fit.refine import RefineConfig, descend, move, refine
+from hairfit.fit.samples import grow_placed, place
 from hairfit.model import sample_roots
-from hairfit.model.scalp import normals_on, points_on
+from hairfit.model.scalp import area_up_to, normals_on, points_on, roots_in
 
 CONFIG = RefineConfig(rounds=2, steps=2, strands=300, points=9)
 KNOTS = 7
@@ -65,13 +66,13 @@ def test_what_waits_is_left_out_where_the_work_fails():
 
 def test_growing_compiles_nothing_anew():
     compile_growth(321, (123,))
-    before = programs(sample_roots, points_on, normals_on)
+    before = programs(area_up_to, roots_in, points_on, normals_on)
     for count in (321, 123):
         uv = sample_roots(dome(), count, jax.random.key(5))
     uv = sample_roots(dome(), 321, jax.random.key(5))
     points_on(dome(), uv)
     normals_on(dome(), uv)
-    assert programs(sample_roots, points_on, normals_on) == before
+    assert programs(area_up_to, roots_in, points_on, normals_on) == before
 
 
 @pytest.mark.slow
@@ -83,7 +84,7 @@ def test_a_refinement_compiles_nothing_anew():
     )
     shapes = Shapes(3, (HEIGHT, WIDTH), case.hull.grid.shape, 5, KNOTS)
     compile_refinement(shapes, CONFIG)
-    before = programs(descend, move)
+    before = programs(place, grow_placed, descend, move)
     tree, samples, seen, volume, places, _ = case
     refine(tree, samples, seen, volume, places, CONFIG, room=5)
-    assert programs(descend, move) == before
+    assert programs(place, grow_placed, descend, move) == before

@@ -14,7 +14,7 @@ from hairfit.fit.confidence import (
     solve,
     with_confidence,
 )
-from hairfit.fit.refine import Samples
+from hairfit.fit.samples import Samples
 from hairfit.model import HairTree, ScalpContour, grow_strands, leaves, plant
 
 STAY = ConfidenceConfig().sigma_stay

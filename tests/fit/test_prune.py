@@ -6,7 +6,7 @@ import pytest
 from ball_hair import RADIUS, dome, hull_where
 
 from hairfit.fit.prune import lost_share, prune
-from hairfit.fit.refine import Samples
+from hairfit.fit.samples import Samples
 from hairfit.model import HairTree, ScalpContour, find_owner, plant, sample_roots
 from hairfit.model.tree import take
 

@@ -15,7 +15,6 @@ from hairfit.fit.refine import (
     Photographs,
     Problem,
     RefineConfig,
-    Samples,
     Turn,
     ancestors,
     carry,
@@ -26,6 +25,7 @@ from hairfit.fit.refine import (
     turns,
 )
 from hairfit.fit.residuals import photo_maps
+from hairfit.fit.samples import Clusters, Samples, place
 from hairfit.fit.volume import hair_volume
 from hairfit.model import (
     HairTree,
@@ -121,8 +121,9 @@ def test_the_gradient_through_a_parent_is_right(tree):
 
 def problem_of(tree, samples, maps, volume):
     level = jnp.asarray(depths_of(tree.parent), jnp.int32)
-    parts = tree.scalp, tree.contour, tree.cylinder
-    return Problem(*parts, level, samples, maps, volume)
+    clusters = Clusters(tree.contour, tree.cylinder)
+    placed = place(tree.scalp, clusters, samples)
+    return Problem(tree.cylinder, level, placed, maps, volume)
 
 
 def turn_of(tree, level):

@@ -7,6 +7,7 @@ from jax.test_util import check_grads
 
 from hairfit import model
 from hairfit.model import GeneralizedCylinder
+from hairfit.model.cylinder import frames_of
 
 cylinder_point = jax.jit(model.cylinder_point)
 cylinder_knots = jax.jit(model.cylinder_knots)
@@ -116,3 +117,16 @@ def test_gradients_are_finite_for_a_normal_along_the_skeleton():
 def test_single_precision_stays_single():
     cylinder = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), straight())
     assert cylinder_point(cylinder, 1.0, 0.0, 0.5).dtype == jnp.float32
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 70])
+def test_frames_of_many_clusters_are_those_of_each(bent, count):
+    many = jax.tree.map(lambda x: jnp.tile(x[None], (count,) + (1,) * x.ndim), bent)
+    turned = jnp.arange(float(count))[:, None] * Y[None] + X[None]
+    many = eqx.tree_at(lambda c: c.normal, many, turned)
+    found = frames_of(many)
+    assert found.normal.shape == (count, 5, 3)
+    for i in range(0, count, 23):
+        alone = model.cylinder_frames(model.cluster(many, i))
+        for mine, one in zip(found, alone, strict=True):
+            assert jnp.allclose(mine[i], one, atol=1e-12)
