@@ -1,5 +1,9 @@
 import dataclasses
 import json
+import os
+import subprocess
+import sys
+from importlib.metadata import version
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +14,7 @@ from tiny_capture import HEIGHT, NAMES, WIDTH, write_tiny_capture
 from hairfit import fit
 from hairfit.capture.orientation import OrientationMap
 from hairfit.capture.photos import read_photo
-from hairfit.cli import main
+from hairfit.cli import KNOWN_JAXLIB, SOONER, main
 from hairfit.io.mesh import save_mesh
 from hairfit.io.strands import load_strands, save_strands
 from hairfit.io.tree import load_tree
@@ -403,3 +407,18 @@ def test_treeify_refuses_what_is_no_number(tmp_path, capsys):
         assert option in capsys.readouterr().err
     assert main([*command, str(tmp_path / "a.obj")]) == 2
     assert "must end with .hairtree" in capsys.readouterr().err
+
+
+def test_options_of_the_compiler_are_known_to_it(tmp_path):
+    words = "from hairfit.cli import main; main(['gallery']); import os, jax; "
+    words += "print(os.environ.get('XLA_FLAGS'), jax.numpy.ones(3).sum())"
+    plain = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
+    done = subprocess.run(
+        [sys.executable, "-c", words],
+        env={**plain, "JAX_COMPILATION_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    flags = SOONER if version("jaxlib").startswith(KNOWN_JAXLIB) else None
+    assert done.stdout.splitlines()[-1] == f"{flags} 3.0"
