@@ -68,18 +68,23 @@ class Skin:
     ) -> Float[np.ndarray, " points"]:
         """Return what the signed distance of points is at least, in metres.
 
-        It changes by no more than one walks from the grid's nearest point. A look-up so
-        spares the exact distance of all that is not near the skin.
+        It changes by no more than one walks from any corner of the grid's cell. A
+        look-up so spares the exact distance of all that is not near the skin.
         """
-        cell = float(self.field.cell)
-        place = (points - np.asarray(self.field.origin, np.float64)) / cell
-        last = np.array(self.field.distance.shape) - 1
-        node = np.clip(np.rint(place), 0, last).astype(int)
-        away = np.linalg.norm(place - node, axis=1)
+        cell, origin = float(self.field.cell), np.asarray(self.field.origin, np.float64)
+        values = np.asarray(self.field.distance, np.float64)
+        last = np.array(values.shape) - 1
+        place = (points - origin) / cell
+        first = np.clip(np.floor(place), 0, last - 1).astype(int)
+        square = [(place - first) ** 2, (place - first - 1) ** 2]
+        least = np.full(len(points), -np.inf)
+        for corner in np.ndindex(2, 2, 2):
+            x, y, z = first.T + np.array(corner)[:, None]
+            walk = sum(square[side][:, axis] for axis, side in enumerate(corner))
+            least = np.maximum(least, values[x, y, z] - cell * np.sqrt(walk))
         beyond = np.linalg.norm(place - np.clip(place, 0, last), axis=1)
-        known = np.asarray(self.field.distance, np.float64)[tuple(node.T)]
         # The head lies inside the grid.
-        return np.where(beyond > 0, cell * beyond, known - cell * away - ROUNDING)
+        return np.where(beyond > 0, cell * beyond, least - ROUNDING)
 
 
 def signed_distance(

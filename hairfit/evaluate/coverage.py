@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..abreast import abreast
 from ..render.camera import Camera
 from ..render.raster import picture_segments, project_points
 from .visibility import Sight
@@ -48,7 +49,7 @@ def fit_width(
         points: The strands, with equal counts of points, in metres.
         sights: The photographs, one or more.
     """
-    return best_width([overlaps(points, sight, WIDTHS) for sight in sights])
+    return best_width(list(abreast(lambda one: overlaps(points, one, WIDTHS), sights)))
 
 
 def best_width(each: Sequence[Float[np.ndarray, " widths"]]) -> Coverage:

@@ -2,11 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool
 
+from ..abreast import abreast
 from ..capture.capture import View
 from ..types import Mesh, Strands
 from .consistency import strand_consistency
@@ -164,7 +166,7 @@ def evaluate(
         true_seen = find_visible(true, even_strands(truth), sights)
         visible = summarise(keep(hit, seen), keep(found, true_seen), THRESHOLDS)
         interior = summarise(keep(hit, ~seen), keep(found, ~true_seen), THRESHOLDS)
-        photographs = tuple(compare_with_photograph(drawn, one) for one in sights)
+        photographs = tuple(abreast(partial(compare_with_photograph, drawn), sights))
         coverage = fit_width(drawn, sights)
     return Evaluation(
         every=summarise(hit, found, THRESHOLDS),

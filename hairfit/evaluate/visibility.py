@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..abreast import abreast
 from ..capture.capture import View
 from ..render.raster import mesh_depth, rasterise, visible_points
 from ..types import Mesh, Strands
@@ -27,10 +28,10 @@ class Sight(NamedTuple):
 
 def look(head: Mesh | None, views: Sequence[View]) -> list[Sight]:
     """Return the photographs with the depth of the head in each."""
-    return [
-        Sight(view, None if head is None else mesh_depth(head, view.camera))
-        for view in views
-    ]
+    if head is None:
+        return [Sight(view, None) for view in views]
+    depths = abreast(lambda view: mesh_depth(head, view.camera), views)
+    return [Sight(*one) for one in zip(views, depths, strict=True)]
 
 
 def find_visible(
@@ -48,10 +49,15 @@ def find_visible(
         drawn: The strands, which hide each other, with equal counts of points.
         sights: The photographs.
     """
-    seen = np.zeros(len(samples.points), bool)
-    for view, behind in sights:
+
+    def seen_by(sight):
+        view, behind = sight
         front = rasterise(drawn, view.camera, mesh_depth=behind).depth
-        seen |= visible_points(samples.points, view.camera, front, behind, SEE_INTO)
+        return visible_points(samples.points, view.camera, front, behind, SEE_INTO)
+
+    seen = np.zeros(len(samples.points), bool)
+    for found in abreast(seen_by, sights):
+        seen |= found
     return seen
 
 

@@ -6,12 +6,14 @@ wrong, or its camera, they agree only without it.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
+from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.cranium import find_cranium
 from ..render.raster import cells, project_points
@@ -111,7 +113,7 @@ def ask_all(
     depths: Sequence[Float[np.ndarray, "_height _width"]],
 ) -> Opinions:
     """Return what all photographs say of voxels."""
-    sights = [look_at(points, v, d) for v, d in zip(views, depths, strict=True)]
+    sights = list(abreast(partial(look_at, points), views, depths))
     counts = [
         np.sum([getattr(sight, what) for sight in sights], axis=0)
         for what in ("seen", "hair", "against")

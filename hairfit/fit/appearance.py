@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy import ndimage, optimize
 
+from ..abreast import abreast
 from ..capture.capture import View
 from ..evaluate.visibility import Sight
 from ..render.lights import DistantLight
@@ -160,9 +161,14 @@ def light_pixels(
     """Return some pixels of hair of each photograph, in light from given directions."""
     rng = np.random.default_rng(seed)
     places, tangents, eyes, seen, view = [], [], [], [], []
-    for k, (photo, behind) in enumerate(sights):
-        drawn = rasterise(strands, photo.camera, mesh_depth=behind, radius_px=1.0)
-        smooth = smoothed(photo)
+
+    def draw(sight):
+        camera, behind = sight.view.camera, sight.behind
+        drawn = rasterise(strands, camera, mesh_depth=behind, radius_px=1.0)
+        return drawn, smoothed(sight.view)
+
+    for k, (drawn, smooth) in enumerate(abreast(draw, sights)):
+        photo = sights[k].view
         free = drawn.coverage & photo.hair & (smooth.max(axis=-1) < CLIPPED)
         y, x = np.nonzero(free)
         some = rng.choice(len(y), min(PIXELS, len(y)), replace=False)

@@ -10,12 +10,14 @@ the sum is an information matrix and its inverse the covariance of the fit.
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..model.certainty import TreeConfidence
@@ -110,8 +112,8 @@ def find_evidence(
     knots = tree.cylinder.skeleton.shape[1]
     pieces = pieces_of(strands, np.asarray(samples.owner), tree.count, knots)
     seen = seen_segments(strands, views, depths).reshape(len(views), -1)
-    within = [outline_distance(view) for view in views]
-    every = [tell(pieces, *one) for one in zip(views, maps, within, seen, strict=True)]
+    within = list(abreast(outline_distance, views))
+    every = abreast(partial(tell, pieces), views, maps, within, seen)
     told = Told(*(np.sum(parts, axis=0) for parts in zip(*every, strict=True)))
     turn = turn_variance(pieces, np.any(seen, axis=0))
     free = find_room(pieces, views, depths, within)

@@ -7,11 +7,13 @@ hair in place of its colour, which changes with the view.
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 from scipy import ndimage
 
+from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import SIGMA_SURE, OrientationMap
 from .evidence import find_planes
@@ -76,8 +78,7 @@ def disagreement(
     points = hull.grid.centres(near)
     planes = np.zeros((len(points), 3, 3))
     seen, square = np.zeros(len(points)), np.zeros(len(points))
-    for view, found, head_depth in zip(views, maps, depths, strict=True):
-        plane = find_planes(hull, points, view, found, head_depth)
+    for plane in abreast(partial(find_planes, hull, points), views, maps, depths):
         weight = plane.seen * plane.confidence
         normal = plane.normal
         planes += weight[:, None, None] * normal[:, :, None] * normal[:, None, :]

@@ -8,11 +8,13 @@ the silhouettes (Kolev and Cremers 2008, by sweeps in place of a relaxation).
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
+from ..abreast import abreast
 from ..capture.capture import View
 from ..render.raster import cells, project_points
 from .hull import Hull, hull_of, rooted_pieces
@@ -39,7 +41,7 @@ def carve_corners(
     """
     index = np.argwhere(hull.hair)
     head = hull.head < 0
-    rays = [_rays(hull, view, depth) for view, depth in zip(views, depths, strict=True)]
+    rays = list(abreast(partial(_rays, hull), views, depths))
     hair = hull.hair.copy()
     left = np.ones(len(index), bool)
     least = round(KEPT / hull.grid.spacing)

@@ -6,6 +6,7 @@ structure tensor is diffused: it has no sign, so neither has its mean.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -14,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy import ndimage
 
+from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..render.raster import cells, project_points
@@ -79,8 +81,8 @@ def gather(
     points = hull.grid.centres(hull.hair)
     planes = np.zeros((len(points), 3, 3))
     total, looks = np.zeros(len(points)), np.zeros(len(points))
-    for view, found, head_depth in zip(views, maps, depths, strict=True):
-        normal, seen, confidence = find_planes(hull, points, view, found, head_depth)
+    told = abreast(partial(find_planes, hull, points), views, maps, depths)
+    for normal, seen, confidence in told:
         weight = seen * confidence
         planes += weight[:, None, None] * normal[:, :, None] * normal[:, None, :]
         total += weight

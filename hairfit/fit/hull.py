@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage
 
+from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.cranium import find_cranium
 from ..capture.distance import signed_distance
@@ -67,7 +68,7 @@ def carve(
     Raises:
         InputError: If no place agrees with all masks.
     """
-    views = [without_gaps(*one) for one in zip(views, depths, strict=True)]
+    views = list(abreast(without_gaps, views, depths))
     cranium = find_cranium(head)
     coarse = Grid.around(cranium.centre - REACH, cranium.centre + REACH, COARSE)
     margin = 2 * COARSE * max(float(v.camera.K[0, 0]) for v in views)

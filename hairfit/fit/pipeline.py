@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -206,28 +207,35 @@ def fit_capture(
     )
     tree = prune(tree, _samples(tree, preset, config), hull, **alike)
     progress("finding what is certain", 0.95)
-    samples = _samples(tree, preset, config)
-    sure = ConfidenceConfig(points=preset.refine.points)
-    tree = with_confidence(
-        tree, samples, views, depths, first.curls.maps, sure, room=room
-    )
-    # Rounded as its file will hold it, so that the strands are those of the file.
-    tree = round_tree(tree)
-    progress("drawing strands", 0.96)
-    # As many strands as will be drawn, whose program is there already.
-    key, spared = jax.random.key(config.seed), with_spare(config.strands)
-    points = points_for(tree, first.curls.radius, STRAND_POINTS)
-    maps = single(even_maps(TEXELS, TEXELS, curl=first.curls.radius))
-    tree = dataclasses.replace(tree, maps=maps)
-    maps = thinned(maps, sample_hair(tree, spared, points, key), first.shots.sights)
-    tree = round_tree(dataclasses.replace(tree, maps=maps))
-    hair = derive_hair(tree, head, config.strands, points, config.seed)
+    with ThreadPoolExecutor(1) as beside:
+        certain = beside.submit(
+            with_confidence,
+            tree,
+            _samples(tree, preset, config),
+            views,
+            depths,
+            first.curls.maps,
+            ConfidenceConfig(points=preset.refine.points),
+            room=room,
+        )
+        # Rounded as its file will hold it, so that the strands are those of the file.
+        tree = round_tree(tree)
+        progress("drawing strands", 0.96)
+        # As many strands as will be drawn, whose program is there already.
+        key, spared = jax.random.key(config.seed), with_spare(config.strands)
+        points = points_for(tree, first.curls.radius, STRAND_POINTS)
+        maps = single(even_maps(TEXELS, TEXELS, curl=first.curls.radius))
+        tree = dataclasses.replace(tree, maps=maps)
+        maps = thinned(maps, sample_hair(tree, spared, points, key), first.shots.sights)
+        tree = round_tree(dataclasses.replace(tree, maps=maps))
+        hair = derive_hair(tree, head, config.strands, points, config.seed)
     progress("finding colour and light", 0.98)
     looks = _looks(hair, first.shots, head, config.seed)
     if looks is not None:
         colour = fill(maps.colour, jnp.asarray(looks.colour, jnp.float32))
         maps = dataclasses.replace(maps, colour=colour)
-        tree = round_tree(dataclasses.replace(tree, maps=maps))
+    sure = certain.result().confidence
+    tree = round_tree(dataclasses.replace(tree, maps=maps, confidence=sure))
     parent = np.asarray(tree.parent)
     figures = {
         "quality": quality,

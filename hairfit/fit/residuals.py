@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy import ndimage
 from scipy.spatial import KDTree
 
+from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..render.camera import Camera
@@ -23,6 +24,7 @@ from .devices import BY_BOTH, BY_STRAND, BY_VIEW, EVERYWHERE, STRANDS, VIEWS
 SIGMA_ANGLE = 0.15  # radians
 SIGMA_OUTSIDE = 0.001  # metres
 SEEN_DEPTH = 0.004  # metres into the hair that a photograph shows
+AT_ONCE = 8  # photographs that are compared together
 SHRINK = 2  # the maps are kept at one pixel for 2 by 2
 SIGMA_BARE = 0.001  # metres
 BARE = 0.002  # metres from a strand where hair counts as not covered
@@ -92,13 +94,14 @@ def seen_segments(
 ) -> Bool[np.ndarray, "views strands segments"]:
     """Return which segments' middles each photograph sees."""
     middle = (0.5 * (strands[:, 1:] + strands[:, :-1])).reshape(-1, 3)
-    out = []
-    for view, head_depth in zip(views, depths, strict=True):
+
+    def seen_by(view, head_depth):
         # Few strands stand for many: each hides a few pixels beside it as well.
         front = rasterise(strands, view.camera, mesh_depth=head_depth, radius_px=3.0)
         seen = visible_points(middle, view.camera, front.depth, head_depth, SEEN_DEPTH)
-        out.append(seen.reshape(len(strands), -1))
-    return np.stack(out)
+        return seen.reshape(len(strands), -1)
+
+    return np.stack(list(abreast(seen_by, views, depths)))
 
 
 def image_loss(
@@ -124,7 +127,9 @@ def image_loss(
                 [jnp.sum(angle), jnp.sum(weight), jnp.sum(beyond), open_sight]
             )
 
-        mine = jnp.sum(jax.lax.map(one, (maps, seen)), axis=0)
+        # Some photographs at once keep all cores busy; all would take much memory.
+        found = jax.lax.map(one, (maps, seen), batch_size=min(len(seen), AT_ONCE))
+        mine = jnp.sum(found, axis=0)
         return mine if mesh is None else jax.lax.psum(mine, (VIEWS, STRANDS))
 
     if mesh is not None:
@@ -232,16 +237,19 @@ def find_pulls(
     # Between its points a strand covers pixels as well.
     fine = np.concatenate([subdivided(strands, FINER), strands[:, -1:]], axis=1)
     knots = fine.shape[1]
-    strand, point, pixel, share = [], [], [], []
-    for view, head_depth in zip(views, depths, strict=True):
+    probes = []
+    for view in views:
+        hair = np.argwhere(view.hair)[:, ::-1] + 0.5
+        some = rng.choice(len(hair), min(PROBES, len(hair)), replace=False)
+        probes.append(hair[some])
+
+    def pulls_of(view, head_depth, chosen):
         found = project_points(fine.reshape(-1, 3), view.camera)
         y, x, _ = cells(found, view.camera.width, view.camera.height)
         # Not the roots, which stay, nor what the head hides.
         free = (np.arange(len(x)) % knots > 0) & (found.depth > 0)
         free &= found.depth < head_depth[y, x]
         usable = np.flatnonzero(free)
-        hair = np.argwhere(view.hair)[:, ::-1] + 0.5
-        chosen = hair[rng.choice(len(hair), min(PROBES, len(hair)), replace=False)]
         if not len(usable):
             chosen = chosen[:0]
         apart, nearest = map(np.asarray, KDTree(found.pixel[usable]).query(chosen))
@@ -249,10 +257,15 @@ def find_pulls(
         bare = np.flatnonzero((metres > BARE) & (metres < FARTHEST))[:PULLS]
         spare = PULLS - len(bare)
         index = np.pad(usable[nearest[bare]], (0, spare))
-        strand.append(index // knots)
-        point.append(point_of(index % knots, FINER))
-        pixel.append(np.pad(chosen[bare], ((0, spare), (0, 0))) / SHRINK)
-        share.append(np.pad(np.full(len(bare), 1.0 / max(len(chosen), 1)), (0, spare)))
+        return (
+            index // knots,
+            point_of(index % knots, FINER),
+            np.pad(chosen[bare], ((0, spare), (0, 0))) / SHRINK,
+            np.pad(np.full(len(bare), 1.0 / max(len(chosen), 1)), (0, spare)),
+        )
+
+    found = abreast(pulls_of, views, depths, probes)
+    strand, point, pixel, share = zip(*found, strict=True)
     return Pulls(
         jnp.asarray(np.stack(strand), jnp.int32),
         jnp.asarray(np.stack(point), jnp.int32),

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap, estimate_orientation
 from ..capture.scalp_wrap import SeenHead, wrap_scalp
@@ -98,6 +99,7 @@ def wrapped_scalp(shots: Shots, head: Mesh) -> Scalp:
 def _depths(views: Sequence[View], head: Mesh, store: Checkpoint) -> Depths:
     saved = store.load("depth")
     if saved is None:
-        saved = {view.name: mesh_depth(head, view.camera) for view in views}
+        found = abreast(lambda view: mesh_depth(head, view.camera), views)
+        saved = {view.name: depth for view, depth in zip(views, found, strict=True)}
         store.save("depth", saved)
     return [saved[view.name] for view in views]

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage, sparse
 
+from ..abreast import abreast
 from ..evaluate.coverage import WIDTHS, best_width, drawn_pieces, ious_of
 from ..evaluate.visibility import Sight
 from ..model.maps import ScalpMaps
@@ -63,7 +64,7 @@ def thinned(maps: ScalpMaps, hair: Hair, sights: Sequence[Sight]) -> ScalpMaps:
     step = -(-len(hair.uv) // MOST)
     points = np.asarray(hair.strands, np.float64)[::step]
     uv = np.asarray(hair.uv, np.float64)[::step]
-    factor = strand_factors([covers(points, sight) for sight in sights])
+    factor = strand_factors(list(abreast(lambda one: covers(points, one), sights)))
     density = jnp.asarray(root_density(uv, factor), maps.density.dtype)
     return eqx.tree_at(lambda m: m.density, maps, density)
 

@@ -1,5 +1,7 @@
 """Cameras around hair."""
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -8,6 +10,21 @@ from ..render.camera import Camera
 
 # How far above the horizon a turntable looks from, in degrees.
 TURN_ELEVATION = 8.0
+
+
+class Ball(NamedTuple):
+    """A ball that holds hair, in metres."""
+
+    centre: Float[np.ndarray, " 3"]
+    radius: float
+
+
+def ball_around(points: Float[np.ndarray, "strands knots 3"]) -> Ball:
+    """Return a ball about the middle of the hair's box, no smaller than a fist."""
+    flat = points.reshape(-1, 3)
+    middle = (flat.min(axis=0) + flat.max(axis=0)) / 2
+    far = float(np.linalg.norm(flat - middle, axis=1).max())
+    return Ball(middle, max(far, 0.05))
 
 
 def orbit_camera(
@@ -24,9 +41,14 @@ def orbit_camera(
         elevation: The same above the horizon.
         size: Width and height of the picture, in pixels.
     """
-    flat = points.reshape(-1, 3)
-    target = (flat.min(axis=0) + flat.max(axis=0)) / 2
-    radius = max(float(np.linalg.norm(flat - target, axis=1).max()), 0.05)
+    return camera_around(ball_around(points), azimuth, elevation, size)
+
+
+def camera_around(
+    ball: Ball, azimuth: float, elevation: float, size: tuple[int, int]
+) -> Camera:
+    """Return a camera that has a ball in its picture; see `orbit_camera`."""
+    target, radius = ball
     distance = 5.0 * radius
     backwards = direction(azimuth, elevation)
     # At the poles the azimuth still says which way is right.
@@ -50,7 +72,8 @@ def orbit_cameras(
     """Return cameras evenly around hair and a little above it, the first in front."""
     azimuths = 2 * np.pi * np.arange(turns) / turns
     elevation = float(np.radians(elevation_deg))
-    return [orbit_camera(points, float(a), elevation, size) for a in azimuths]
+    ball = ball_around(points)
+    return [camera_around(ball, float(a), elevation, size) for a in azimuths]
 
 
 def direction(azimuth: float, elevation: float) -> Float[np.ndarray, " 3"]:

@@ -2,12 +2,14 @@
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from ..abreast import abreast
 from ..capture.capture import Capture, View
 from ..capture.orientation import OrientationMap
 from ..capture.photos import encode_picture
@@ -59,7 +61,7 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
         scene = dataclasses.replace(scene, look=look)
         again = draw_again(scene, fitted.looks, cameras)
     frames = draw_preview(scene, turns)
-    compared = map(lambda *one: page_of(points, *one), sights, fitted.maps, again)
+    compared = abreast(partial(page_of, points), sights, fitted.maps, again)
     pages, errors = zip(*compared, strict=True)
     sure = certainty_pictures(some, owner, fitted.tree.confidence, capture.head)
     photographs = {one.name: one.to_dict() for one in errors}
