@@ -12,7 +12,7 @@ def test_results_come_in_the_order_of_what_was_given():
         time.sleep(0.02 / (1 + number))
         return f"{number} {word}"
 
-    words = "to be or not to be that is the question".split()
+    words = ["to", "be", "or", "not", "to", "be", "that", "is", "the", "question"]
     found = list(abreast(slow_first, range(len(words)), words))
     assert found == [f"{number} {word}" for number, word in enumerate(words)]
     assert list(abreast(slow_first, [], [])) == []
