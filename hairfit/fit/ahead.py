@@ -18,9 +18,10 @@ from numpy.typing import DTypeLike
 from ..capture.scalp_wrap import cap_weights
 from ..model.collide import DistanceField
 from ..model.contour import ANGLES
-from ..model.cylinder import GeneralizedCylinder
+from ..model.cylinder import GeneralizedCylinder, together
 from ..model.scalp import SIDE, Scalp, normals_on, points_on, sample_roots
-from ..model.tree import ScalpContour
+from ..model.strand import grow
+from ..model.tree import Clusters, ScalpContour
 from .devices import BY_BOTH, BY_VIEW, EVERYWHERE, device_mesh, put
 from .refine import (
     Found,
@@ -33,7 +34,7 @@ from .refine import (
     still,
 )
 from .residuals import PULLS, SHRINK, PhotoMaps, Pulls
-from .samples import Clusters, Samples, grow_placed, place
+from .samples import Samples, grow_placed, place
 from .volume import DRAWN, Gaps, HairVolume, room_for
 
 
@@ -104,19 +105,22 @@ def compile_refinement(shapes: Shapes, config: RefineConfig) -> None:
     descend(problem, before, moves, found, turn, zeros(dtype=index), config, mesh)
 
 
+def compile_strands(clusters: int, knots: int, count: int, points: int) -> None:
+    """Grow so many strands of a tree of about so many clusters, on no scalp."""
+    parts = Scalp(zeros(SIDE, SIDE, 3)), *empty_clusters(together(clusters), knots)
+    roots = zeros(count, 2), zeros(count, dtype=np.int32), zeros(count)
+    grow(*parts, *roots, points, None)
+
+
 def zeros(*shape: int, dtype: DTypeLike = np.float32) -> Array:
     """Return zeros that nothing had to be compiled for."""
     return jnp.asarray(np.zeros(shape, dtype))
 
 
-def empty_problem(shapes: Shapes, config: RefineConfig) -> Problem:
-    """Return a refinement's arrays without anything in them."""
-    count, knots, views = shapes.clusters, shapes.knots, shapes.views
-    height, width = (edge // SHRINK for edge in shapes.size)
-    grid = room_for(shapes.grid)
-    contour = (zeros(count, 2), zeros(count), zeros(count, ANGLES))
-    clusters = Clusters(
-        jax.vmap(ScalpContour)(*contour),
+def empty_clusters(count: int, knots: int) -> Clusters:
+    """Return so many clusters' arrays without anything in them."""
+    return Clusters(
+        jax.vmap(ScalpContour)(zeros(count, 2), zeros(count), zeros(count, ANGLES)),
         jax.vmap(GeneralizedCylinder)(
             zeros(count, knots, 3),
             zeros(count, 3),
@@ -127,6 +131,14 @@ def empty_problem(shapes: Shapes, config: RefineConfig) -> Problem:
             zeros(count, knots),
         ),
     )
+
+
+def empty_problem(shapes: Shapes, config: RefineConfig) -> Problem:
+    """Return a refinement's arrays without anything in them."""
+    count, knots, views = shapes.clusters, shapes.knots, shapes.views
+    height, width = (edge // SHRINK for edge in shapes.size)
+    grid = room_for(shapes.grid)
+    clusters = empty_clusters(count, knots)
     samples = Samples(zeros(config.strands, 2), zeros(config.strands, dtype=np.int32))
     return Problem(
         clusters.cylinder,

@@ -24,7 +24,13 @@ from ..model.scalp import Scalp, normals_on, points_on, sample_roots
 from ..model.strand import sample_hair
 from ..model.tree import HairTree, leaves, levels
 from ..types import Mesh, Strands, along_paths, resample_paths
-from .ahead import Shapes, compile_growth, compile_refinement, compiling_ahead
+from .ahead import (
+    Shapes,
+    compile_growth,
+    compile_refinement,
+    compile_strands,
+    compiling_ahead,
+)
 from .appearance import Appearance, find_appearance
 from .branches import with_branches
 from .bridges import bridged
@@ -312,6 +318,7 @@ def _first_tree(
         hull = carve(views, depths, head, preset.spacing)
         shapes = Shapes(len(views), largest(views), hull.grid.shape, room, preset.knots)
         ahead(compile_refinement, shapes, preset.refine)
+        ahead(compile_strands, room, preset.knots, spared, STRAND_POINTS)
         hull = carve_corners(hull, views, depths)
         all_maps = orientation_maps(
             shots.trusted.views,

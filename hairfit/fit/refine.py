@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ..capture.capture import View
 from ..model.cylinder import GeneralizedCylinder, cylinder_frames
 from ..model.detail import contours_around
-from ..model.tree import HairTree, depths_of
+from ..model.tree import HairTree, depths_of, filled
 from .devices import BY_BOTH, BY_STRAND, BY_VIEW, EVERYWHERE, device_mesh, put
 from .residuals import (
     PhotoMaps,
@@ -31,7 +31,7 @@ from .residuals import (
     image_loss,
     seen_segments,
 )
-from .samples import Placed, Samples, filled, grow_placed, place
+from .samples import Placed, Samples, grow_placed, place
 from .volume import Gaps, HairVolume, field_loss, find_gaps, gap_loss, head_loss
 
 FULL_PACE = 0.015  # metres between knots, from which on they move at the full rate

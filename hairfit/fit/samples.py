@@ -23,7 +23,7 @@ from ..model.cylinder import (
 )
 from ..model.ownership import local_coordinates
 from ..model.scalp import Scalp, scalp_point
-from ..model.tree import HairTree, ScalpContour
+from ..model.tree import Clusters, HairTree, filled
 
 
 class Samples(NamedTuple):
@@ -48,25 +48,6 @@ class Placed(NamedTuple):
     root: Float[Array, "strands 3"]
     away: Float[Array, "strands knots"]
     theta: Float[Array, " strands"]
-
-
-class Clusters(NamedTuple):
-    """Clusters as arrays."""
-
-    contour: ScalpContour
-    cylinder: GeneralizedCylinder
-
-
-def filled(tree: HairTree, room: int) -> Clusters:
-    """Return a tree's clusters, the last again and again up to `room` of them."""
-    spare = [(0, max(0, room - tree.count))]
-
-    def more(leaf):
-        rest = spare + [(0, 0)] * (leaf.ndim - 1)
-        # On the host: no program for each shape.
-        return jnp.asarray(np.pad(np.asarray(leaf), rest, mode="edge"))
-
-    return Clusters(*jax.tree.map(more, (tree.contour, tree.cylinder)))
 
 
 @jax.jit

@@ -13,7 +13,7 @@ from .curve import EXACT, catmull_rom_weights, linear_weights
 from .frame import Frames, rotation_minimising_frames
 from .vector import perpendicular, reject, unit
 
-TOGETHER = 64  # clusters: frames are found for multiples of so many
+TOGETHER = 64  # clusters: programs are compiled for multiples of so many
 
 
 class GeneralizedCylinder(eqx.Module):
@@ -73,6 +73,11 @@ def cylinder_frames(cylinder: GeneralizedCylinder) -> Frames:
     return rotation_minimising_frames(cylinder.skeleton, cylinder.normal)
 
 
+def together(count: int) -> int:
+    """Return a number of clusters, rounded up: what is compiled for it serves more."""
+    return -(-count // TOGETHER) * TOGETHER
+
+
 def frames_of(cylinder: GeneralizedCylinder) -> Frames:
     """Return the frames at the knots of stacked clusters.
 
@@ -80,7 +85,7 @@ def frames_of(cylinder: GeneralizedCylinder) -> Frames:
     compiled program. Runs outside `jit`.
     """
     count = len(cylinder.skeleton)
-    spare = -count % TOGETHER
+    spare = together(count) - count
     given = (
         # On the host: no program for each shape.
         np.pad(np.asarray(x), [(0, spare), *[(0, 0)] * (x.ndim - 1)], mode="edge")

@@ -4,9 +4,11 @@ import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, Int, PRNGKeyArray, UInt32
 
 from .curve import EXACT, catmull_rom_weights
@@ -16,13 +18,14 @@ from .cylinder import (
     knot_sections,
     section_points,
     sections_between,
+    together,
 )
 from .frame import Frames
 from .fur import curl_each
 from .maps import keep_roots, root_attributes
 from .ownership import find_owner, local_coordinates
 from .scalp import Scalp, sample_roots, scalp_point
-from .tree import HairTree, ScalpContour
+from .tree import HairTree, ScalpContour, filled
 from .wisp import nearest_wisp, wisp_points
 
 # Rounds of sampling after which a scalp that is hardly covered counts as exhausted.
@@ -206,6 +209,18 @@ def sample_strands(
     return sample_hair(tree, count, points, key).strands
 
 
+def with_room(tree: HairTree) -> HairTree:
+    """Return a tree whose arrays hold some more clusters, of which no strand grows.
+
+    Trees of about as many clusters so share the program that grows their strands. One
+    whose values are not known yet stays as it is.
+    """
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree)):
+        return tree
+    many = filled(tree, together(tree.count))
+    return eqx.tree_at(lambda t: (t.contour, t.cylinder), tree, tuple(many))
+
+
 def sample_hair(
     tree: HairTree,
     count: int,
@@ -247,10 +262,11 @@ def sample_hair(
     owner = jnp.asarray(np.concatenate(owners)[:count])
     vary = jax.random.uniform(eta_key, owner.shape, uv.dtype)
     eta = 1.0 - tree.length_variation[owner] * vary
+    roomy = with_room(tree)
     if tree.maps is None:
-        return Hair(grow_strands(tree, uv, owner, eta, points), uv, owner, eta)
+        return Hair(grow_strands(roomy, uv, owner, eta, points), uv, owner, eta)
     painted = root_attributes(tree.maps, uv)
     eta = eta * painted.length.astype(eta.dtype)
-    strands = grow_strands(tree, uv, owner, eta, points)
+    strands = grow_strands(roomy, uv, owner, eta, points)
     strands = curl_each(strands, painted.curl, jax.random.fold_in(eta_key, 1))
     return Hair(strands, uv, owner, eta)

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -80,6 +80,25 @@ class HairTree(eqx.Module):
     def count(self) -> int:
         """The number of clusters, leaves and others."""
         return len(self.parent)
+
+
+class Clusters(NamedTuple):
+    """Clusters as arrays."""
+
+    contour: ScalpContour
+    cylinder: GeneralizedCylinder
+
+
+def filled(tree: HairTree, room: int) -> Clusters:
+    """Return a tree's clusters, the last again and again up to `room` of them."""
+    spare = [(0, max(0, room - tree.count))]
+
+    def more(leaf):
+        rest = spare + [(0, 0)] * (leaf.ndim - 1)
+        # On the host: no program for each shape.
+        return jnp.asarray(np.pad(np.asarray(leaf), rest, mode="edge"))
+
+    return Clusters(*jax.tree.map(more, (tree.contour, tree.cylinder)))
 
 
 def stack(modules: Sequence[Stackable]) -> Stackable:

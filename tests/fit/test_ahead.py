@@ -11,12 +11,14 @@ from hairfit.fit.ahead import (
     Shapes,
     compile_growth,
     compile_refinement,
+    compile_strands,
     compiling_ahead,
 )
 from hairfit.fit.refine import RefineConfig, descend, move, refine
 from hairfit.fit.samples import grow_placed, place
 from hairfit.model import sample_roots
 from hairfit.model.scalp import area_up_to, normals_on, points_on, roots_in
+from hairfit.model.strand import grow, sample_hair
 
 CONFIG = RefineConfig(rounds=2, steps=2, strands=300, points=9)
 KNOTS = 7
@@ -88,3 +90,14 @@ def test_a_refinement_compiles_nothing_anew():
     tree, samples, seen, volume, places, _ = case
     refine(tree, samples, seen, volume, places, CONFIG, room=5)
     assert programs(place, grow_placed, descend, move) == before
+
+
+def test_strands_compile_nothing_anew():
+    """Whatever tree of about as many clusters they grow from."""
+    tree = refine_case(60, KNOTS, 1).tree
+    compile_strands(40, KNOTS, 300, 11)
+    before = programs(grow)
+    single = jax.tree.map(lambda x: x.astype(jnp.float32), tree)
+    hair = sample_hair(single, 300, 11, jax.random.key(4))
+    assert hair.strands.shape == (300, 11, 3)
+    assert programs(grow) == before

@@ -25,7 +25,7 @@ from hairfit.fit.refine import (
     turns,
 )
 from hairfit.fit.residuals import photo_maps
-from hairfit.fit.samples import Clusters, Samples, place
+from hairfit.fit.samples import Samples, place
 from hairfit.fit.volume import hair_volume
 from hairfit.model import (
     HairTree,
@@ -36,7 +36,7 @@ from hairfit.model import (
     plant,
     sample_roots,
 )
-from hairfit.model.tree import depths_of
+from hairfit.model.tree import Clusters, depths_of
 
 KNOTS, POINTS, STRANDS = 8, 12, 800
 CENTRES = [[0.35, 0.4], [0.65, 0.6], [0.3, 0.4], [0.42, 0.4], [0.6, 0.6], [0.7, 0.6]]

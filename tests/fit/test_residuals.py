@@ -14,6 +14,7 @@ from ball_hair import (
 from jax.test_util import check_grads
 
 from hairfit.capture.orientation import OrientationMap
+from hairfit.fit import residuals
 from hairfit.fit.residuals import (
     BARE,
     FARTHEST,
@@ -271,3 +272,23 @@ def test_maps_of_a_ball_have_its_depth():
     assert both.sum() > 300
     assert np.abs(found[both] - expected[both]).max() < 0.004
     assert np.isclose(maps.focal[0], 160.0) and np.isclose(maps.K[0, 0, 0], 80.0)
+
+
+def test_how_many_photographs_are_compared_together_changes_nothing(monkeypatch):
+    rng = np.random.default_rng(4)
+    shape = (CAMERA.height, CAMERA.width)
+    hair = [rng.random(shape) < 0.5 for _ in range(5)]
+    ones = np.ones(shape)
+    found = [
+        OrientationMap(angle * ones, ones, ones) for angle in rng.uniform(0, np.pi, 5)
+    ]
+    views = [view_of(CAMERA, mask) for mask in hair]
+    maps = exact(photo_maps(views, found, [np.full(shape, np.inf)] * 5))
+    strands = jnp.asarray(curtain(0.4))
+    seen = jnp.asarray(rng.random((5, *strands[:, 1:, 0].shape)) < 0.5)
+    losses = []
+    for at_once in (1, 2, 5, 8):
+        monkeypatch.setattr(residuals, "AT_ONCE", at_once)
+        losses.append(float(image_loss(strands, seen, maps)))
+    assert losses[0] > 1.0
+    assert np.allclose(losses, losses[0], rtol=1e-12)

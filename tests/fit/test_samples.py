@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from ball_hair import dome
 
-from hairfit.fit.samples import Clusters, Samples, grow_placed, place, sampled_strands
+from hairfit.fit.samples import Samples, grow_placed, place, sampled_strands
 from hairfit.model import HairTree, ScalpContour, find_owner, grow_strands, plant
 from hairfit.model import sample_roots as roots_on
+from hairfit.model.tree import Clusters
 
 KNOTS, POINTS, STRANDS = 7, 19, 60
 

@@ -10,7 +10,7 @@ from jax.test_util import check_grads
 from hairfit import model
 from hairfit.model import find_owner, grow_strands, sample_strands
 from hairfit.model.maps import even_maps
-from hairfit.model.strand import grow
+from hairfit.model.strand import grow, sample_hair
 
 CIRCLES = [(0.3, 0.5, 0.25), (0.7, 0.5, 0.25), (0.3, 0.5, 0.15), (0.7, 0.4, 0.2)]
 PARENT = (-1, -1, 0, 1)
@@ -174,3 +174,25 @@ def test_painted_curls_keep_roots_and_stay_near_the_strand(tree):
     apart = jnp.linalg.norm(hair.strands - plain, axis=2)
     assert jnp.all(apart[:, 0] == 0.0)
     assert jnp.allclose(jnp.max(apart, axis=1), 0.004, rtol=1e-6)
+
+
+def test_sampled_strands_are_those_of_the_tree_and_have_its_gradients(tree):
+    """Sampling fills the arrays of clusters, but not those that are traced."""
+    key = jax.random.key(3)
+    hair = sample_hair(tree, 50, 9, key)
+    grown = grow_strands(tree, hair.uv, hair.owner, hair.eta, 9)
+    assert jnp.allclose(hair.strands, grown, atol=1e-15)
+
+    def height(skeleton, strands_of):
+        other = eqx.tree_at(lambda t: t.cylinder.skeleton, tree, skeleton)
+        return jnp.sum(strands_of(other)[..., 1])
+
+    found = jax.grad(height)(
+        tree.cylinder.skeleton, lambda t: sample_strands(t, 50, 9, key)
+    )
+    wanted = jax.grad(height)(
+        tree.cylinder.skeleton,
+        lambda t: grow_strands(t, hair.uv, hair.owner, hair.eta, 9),
+    )
+    assert jnp.abs(wanted).max() > 0.1
+    assert jnp.allclose(found, wanted, atol=1e-12)
