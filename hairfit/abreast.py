@@ -2,7 +2,7 @@
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
@@ -10,7 +10,9 @@ MOST = 8  # each takes memory of its own
 Result = TypeVar("Result")
 
 
-def abreast(work: Callable[..., Result], *given: Iterable[Any]) -> Iterator[Result]:
+def abreast(
+    work: Callable[..., Result], *given: Iterable[Any]
+) -> Generator[Result, None, None]:
     """Yield what the work makes of each of what is given, in the order of that.
 
     As `map`, on as many threads as there are cores: NumPy and SciPy let others run

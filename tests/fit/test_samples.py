@@ -52,7 +52,8 @@ def changed(cylinder, seed):
 
 
 def grown(tree, samples):
-    return grow_strands(tree, *samples, jnp.ones(STRANDS), POINTS)
+    uv, owner = samples
+    return grow_strands(tree, uv, owner, jnp.ones(STRANDS), POINTS)
 
 
 def test_placed_strands_grow_as_those_of_the_tree(tree, samples):
