@@ -39,7 +39,7 @@ class Rate(NamedTuple):
 # On two cores: `draft` by `benchmarks/cost.py`, the others estimated from single fits
 # of eight photographs by `benchmarks/accuracy.py`, on the safe side.
 RATES: dict[Quality, Rate] = {
-    "draft": Rate(52.0, 4.5, 36.0, 2.0, 0.05),
+    "draft": Rate(45.0, 2.6, 30.0, 2.0, 0.05),
     "normal": Rate(88.0, 5.4, 40.0, 2.2, 0.06),
     "high": Rate(245.0, 10.0, 48.0, 2.3, 0.07),
 }
