@@ -425,6 +425,7 @@ def main(args: Sequence[str] | None = None) -> int:
     )
     try:
         command.run()
+        sys.stdout.flush()
     except InputError as error:
         print("hairfit: " + " ".join(str(error).split()), file=sys.stderr)
         return 2
@@ -433,6 +434,11 @@ def main(args: Sequence[str] | None = None) -> int:
         words = "; the same command goes on from here" if goes_on else ""
         print(f"hairfit: stopped{words}.", file=sys.stderr)
         return 130
+    except BrokenPipeError:
+        # Who reads what is printed, such as `head`, has read enough. What is left goes
+        # nowhere, or Python would complain once more when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
     return 0
 
 

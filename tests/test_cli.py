@@ -409,6 +409,21 @@ def test_treeify_refuses_what_is_no_number(tmp_path, capsys):
     assert "must end with .hairtree" in capsys.readouterr().err
 
 
+def test_who_stops_reading_is_not_complained_to():
+    words = "import sys; from hairfit.cli import main; sys.exit(main(['gallery']))"
+    done = subprocess.Popen(
+        [sys.executable, "-c", words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert done.stdout is not None and done.stderr is not None
+    done.stdout.close()
+    with done.stderr as complaints:
+        assert complaints.read() == ""
+    assert done.wait() == 141
+
+
 def test_options_of_the_compiler_are_known_to_it(tmp_path):
     words = "from hairfit.cli import main; main(['gallery']); import os, jax; "
     words += "print(os.environ.get('XLA_FLAGS'), jax.numpy.ones(3).sum())"

@@ -31,9 +31,8 @@ from ..capture.orientation import (
 )
 from ..model.fur import PITCH
 from ..model.tree import HairTree, leaves
-from ..render.raster import project_points
 from ..types import along_paths
-from .hull import Hull
+from .hull import Hull, pixel_sizes
 
 # Standard deviation of the Gaussian over which angles are averaged, in metres: half of
 # a turn of the curls that can be seen.
@@ -200,15 +199,6 @@ def lock_directions(
         np.where(hair, agree, 0.0).astype(np.float32),
         sigma.astype(np.float32),
     )
-
-
-def pixel_sizes(hull: Hull, views: Sequence[View]) -> list[float]:
-    """Return how wide a pixel of each view is at the middle of the hair, in metres."""
-    middle = hull.grid.centres(hull.hair).mean(axis=0, keepdims=True)
-    return [
-        float(project_points(middle, view.camera).depth[0]) / float(view.camera.K[0, 0])
-        for view in views
-    ]
 
 
 def follow_locks(

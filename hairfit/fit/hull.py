@@ -214,6 +214,15 @@ def rooted_pieces(
     return hair & stays if len(at_skin) else hair
 
 
+def pixel_sizes(hull: Hull, views: Sequence[View]) -> list[float]:
+    """Return how wide a pixel of each view is at the middle of the hair, in metres."""
+    middle = hull.grid.centres(hull.hair).mean(axis=0, keepdims=True)
+    return [
+        float(project_points(middle, view.camera).depth[0]) / float(view.camera.K[0, 0])
+        for view in views
+    ]
+
+
 def first_hit(
     hull: Hull, view: View, *, step: int = 2
 ) -> Float[np.ndarray, "rows columns"]:

@@ -16,7 +16,7 @@ from ..capture.capture import Capture, View
 from ..capture.orientation import OrientationMap
 from ..errors import InputError
 from ..evaluate.shape import strand_lengths
-from ..evaluate.visibility import even_strands
+from ..evaluate.visibility import Sight, even_strands
 from ..io.tree import load_tree, round_tree, save_tree
 from ..model.maps import ScalpMaps, even_maps, fill
 from ..model.ownership import find_owner
@@ -55,8 +55,10 @@ from .settle import settled
 from .shots import (
     Depths,
     Shots,
+    coarser_sights,
     largest,
     orientation_maps,
+    resampled,
     trusted_shots,
     wrapped_scalp,
 )
@@ -195,15 +197,15 @@ def fit_capture(
     # Arrays for so many clusters, or each tree would be compiled anew.
     room = sum(level_sizes(preset.leaves, preset.levels))
     first = _first_tree(capture, head, config, room, store, progress)
-    views, depths = first.shots.views, first.shots.depths
-    hull, tree = first.hull, first.tree
+    views, depths = zip(*first.sights, strict=True)
+    hull, tree, maps = first.hull, first.tree, first.maps
     progress("refining the tree", 0.6)
     alike = {"points": preset.refine.points, "room": room}
     tree = prune(tree, _samples(tree, preset, config), hull, **alike)
     tree = refine(
         tree,
         _samples(tree, preset, config),
-        Photographs(views, depths, photo_maps(views, first.curls.maps, depths)),
+        Photographs(views, depths, photo_maps(views, maps, depths)),
         hair_volume(hull, first.field),
         inner_places(hull),
         preset.refine,
@@ -220,7 +222,7 @@ def fit_capture(
             _samples(tree, preset, config),
             views,
             depths,
-            first.curls.maps,
+            maps,
             ConfidenceConfig(points=preset.refine.points),
             room=room,
         )
@@ -230,18 +232,18 @@ def fit_capture(
         # As many strands as will be drawn, whose program is there already.
         key, spared = jax.random.key(config.seed), with_spare(config.strands)
         points = points_for(tree, first.curls.radius, STRAND_POINTS)
-        maps = single(even_maps(TEXELS, TEXELS, curl=first.curls.radius))
-        tree = dataclasses.replace(tree, maps=maps)
-        maps = thinned(maps, sample_hair(tree, spared, points, key), first.shots.sights)
-        tree = round_tree(dataclasses.replace(tree, maps=maps))
+        bare = single(even_maps(TEXELS, TEXELS, curl=first.curls.radius))
+        tree = dataclasses.replace(tree, maps=bare)
+        skin = thinned(bare, sample_hair(tree, spared, points, key), first.sights)
+        tree = round_tree(dataclasses.replace(tree, maps=skin))
         hair = derive_hair(tree, head, config.strands, points, config.seed)
     progress("finding colour and light", 0.98)
-    looks = _looks(hair, first.shots, head, config.seed)
+    looks = _looks(hair, first, head, config.seed)
     if looks is not None:
-        colour = fill(maps.colour, jnp.asarray(looks.colour, jnp.float32))
-        maps = dataclasses.replace(maps, colour=colour)
+        colour = fill(skin.colour, jnp.asarray(looks.colour, jnp.float32))
+        skin = dataclasses.replace(skin, colour=colour)
     sure = certain.result().confidence
-    tree = round_tree(dataclasses.replace(tree, maps=maps, confidence=sure))
+    tree = round_tree(dataclasses.replace(tree, maps=skin, confidence=sure))
     parent = np.asarray(tree.parent)
     figures = {
         "quality": quality,
@@ -274,7 +276,9 @@ class First(NamedTuple):
 
     Attributes:
         shots: The photographs.
-        curls: How curly the hair is, and what those that are used say of its locks.
+        sights: Those that are used, no finer than strands are compared with.
+        maps: Orientation maps of these, of locks where hair curls.
+        curls: How curly the hair is.
         all_maps: Orientation maps of all of them.
         hull: Where hair can be.
         field: Which way it runs there.
@@ -285,6 +289,8 @@ class First(NamedTuple):
     """
 
     shots: Shots
+    sights: list[Sight]
+    maps: list[OrientationMap]
     curls: Curls
     all_maps: list[OrientationMap]
     hull: Hull
@@ -316,7 +322,9 @@ def _first_tree(
         views, depths = shots.views, shots.depths
         progress("carving the hull", 0.05)
         hull = carve(views, depths, head, preset.spacing)
-        shapes = Shapes(len(views), largest(views), hull.grid.shape, room, preset.knots)
+        sights = coarser_sights(shots, hull)
+        size = largest([sight.view for sight in sights])
+        shapes = Shapes(len(views), size, hull.grid.shape, room, preset.knots)
         ahead(compile_refinement, shapes, preset.refine)
         ahead(compile_strands, room, preset.knots, spared, STRAND_POINTS)
         hull = carve_corners(hull, views, depths)
@@ -341,7 +349,17 @@ def _first_tree(
     single_roots = len(np.unique(uv, axis=0))
     branches = len(uv) - single_roots
     return First(
-        shots, curls, all_maps, hull, field, tree, error, single_roots, branches
+        shots,
+        sights,
+        resampled(curls.maps, sights),
+        curls,
+        all_maps,
+        hull,
+        field,
+        tree,
+        error,
+        single_roots,
+        branches,
     )
 
 
@@ -445,18 +463,18 @@ def _tree(
     return tree, fitted.error
 
 
-def _looks(hair: Derived, shots: Shots, head: Mesh, seed: int) -> Appearance | None:
+def _looks(hair: Derived, first: First, head: Mesh, seed: int) -> Appearance | None:
     """Return looks of hair and the light on it, with the exposure of every photograph.
 
     Photographs that are not used are taken to be exposed as the others.
     """
     points = even_strands(hair.strands).astype(np.float64)
     some = points[:: -(-len(points) // LIT)]
-    found = find_appearance(some, shots.sights, head, seed)
+    found = find_appearance(some, first.sights, head, seed)
     if found is None:
         return None
-    exposure = np.ones(len(shots.trusted.views))
-    exposure[shots.used] = found.exposure
+    exposure = np.ones(len(first.shots.trusted.views))
+    exposure[first.shots.used] = found.exposure
     return found._replace(exposure=exposure)
 
 

@@ -15,8 +15,15 @@ from ..model.scalp import Scalp
 from ..render.raster import mesh_depth
 from ..types import Mesh
 from .checkpoint import Checkpoint
-from .suspects import Doubt, find_suspects
+from .hull import Hull, pixel_sizes
+from .suspects import Doubt, find_suspects, shrink
 from .trust import Trusted, without_suspects
+
+# Strands are compared with photographs whose pixels are so wide at the hair, in metres:
+# few strands stand for many, and hide what is behind a few pixels. Pixels that are
+# hardly finer stay as they are.
+PIXEL = 0.00056
+FINER = 0.75
 
 Depths = Sequence[Float[np.ndarray, "_height _width"]]
 
@@ -63,6 +70,45 @@ def largest(views: Sequence[View]) -> tuple[int, int]:
     """Return height and width of the smallest picture that would hold all."""
     cameras = [view.camera for view in views]
     return max(c.height for c in cameras), max(c.width for c in cameras)
+
+
+def coarser_sights(shots: Shots, hull: Hull) -> list[Sight]:
+    """Return the photographs that are used, those with fine pixels reduced.
+
+    Args:
+        shots: The photographs.
+        hull: Where hair can be.
+    """
+    sights = []
+    for sight, pixel in zip(shots.sights, pixel_sizes(hull, shots.views), strict=True):
+        if pixel < FINER * PIXEL:
+            view, behind = sight
+            side = round(max(view.hair.shape) * pixel / PIXEL)
+            sight = Sight(*shrink(view, behind, side))
+        sights.append(sight)
+    return sights
+
+
+def resampled(
+    maps: Sequence[OrientationMap], sights: Sequence[Sight]
+) -> list[OrientationMap]:
+    """Return orientation maps as large as the photographs of `coarser_sights`.
+
+    Every pixel is one of before.
+    """
+    import cv2
+
+    def at_size(found: OrientationMap, size: tuple[int, int]) -> OrientationMap:
+        angle, confidence, sigma = (
+            cv2.resize(one, size, interpolation=cv2.INTER_NEAREST)
+            for one in (found.angle, found.confidence, found.sigma)
+        )
+        return OrientationMap(angle, confidence, sigma)
+
+    return [
+        found if found.angle.shape == hair.shape else at_size(found, hair.shape[::-1])
+        for found, hair in zip(maps, (one.view.hair for one in sights), strict=True)
+    ]
 
 
 def orientation_maps(

@@ -113,11 +113,15 @@ def at_size_of(camera: Camera, posed: Camera) -> Camera:
     return Camera(camera.K, pose, camera.width, camera.height)
 
 
-def shrink(view: View, depth: Float[np.ndarray, "height width"]) -> Shot:
+def shrink(
+    view: View,
+    depth: Float[np.ndarray, "height width"],
+    longest_side: int = LONGEST_SIDE,
+) -> Shot:
     """Return a photograph and its depths shrunken."""
     import cv2
 
-    small = reduce_view(view, LONGEST_SIDE)
+    small = reduce_view(view, longest_side)
     size = (small.camera.width, small.camera.height)
     return Shot(small, cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST))
 
