@@ -58,6 +58,9 @@ RECIPES = {
         "bob", f"{FRONT} {PHONE} --colour grey --room", 30_000
     ),
     "ponytail-from-the-front": Recipe("ponytail", f"{FRONT} --colour blonde"),
+    "ponytail-by-a-phone": Recipe(
+        "ponytail", f"{FRONT} --size 1536 2048 --colour blonde"
+    ),
 }
 
 

@@ -80,12 +80,12 @@ def coarser_sights(shots: Shots, hull: Hull) -> list[Sight]:
         hull: Where hair can be.
     """
     sights = []
-    for sight, pixel in zip(shots.sights, pixel_sizes(hull, shots.views), strict=True):
+    pixels = pixel_sizes(hull, shots.views)
+    for view, depth, pixel in zip(shots.views, shots.depths, pixels, strict=True):
         if pixel < FINER * PIXEL:
-            view, behind = sight
             side = round(max(view.hair.shape) * pixel / PIXEL)
-            sight = Sight(*shrink(view, behind, side))
-        sights.append(sight)
+            view, depth = shrink(view, depth, side)
+        sights.append(Sight(view, depth))
     return sights
 
 

@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+from ball_hair import camera_at, hull_where, photograph
+
+from hairfit.fit.hull import pixel_sizes
+from hairfit.fit.residuals import seen_segments
+from hairfit.fit.shots import PIXEL, Shots, coarser_sights, resampled
+from hairfit.fit.trust import Trusted
+from hairfit.render.raster import project_points
+
+HULL = hull_where(lambda p: np.abs(p[:, 2]) < 0.01, [-0.06] * 3, [0.06] * 3, 0.01)
+
+
+def curtain(z, x):
+    """Return straight hairs that hang side by side."""
+    y = np.linspace(0.05, -0.05, 12)
+    hairs = np.broadcast_arrays(x[:, None], y[None], z)
+    return np.stack(hairs, axis=-1).astype(float)
+
+
+def layers():
+    """Return hairs 2 mm apart, and as many behind the gaps between them."""
+    x = np.arange(-0.04, 0.04, 0.002)
+    return curtain(0.01, x), curtain(-0.01, x + 0.001)
+
+
+def shots_of(strands, finer):
+    camera = camera_at([0.0, 0.0, 0.2], finer=finer)
+    found = photograph(strands, [camera], None, radius_px=0.5 * finer)
+    trusted = Trusted(tuple(found.views), found.depths, [True])
+    return Shots(found.views, found.depths, [0], trusted, ()), found.maps
+
+
+def behind_seen(sights):
+    front, back = layers()
+    views, depths = zip(*sights, strict=True)
+    seen = seen_segments(np.concatenate([front, back]), views, depths)[0]
+    return seen[len(front) :].mean()
+
+
+def test_few_strands_hide_as_much_in_photographs_with_finer_pixels():
+    front, back = layers()
+    strands = np.concatenate([front, back])
+    coarse, _ = shots_of(strands, 2)
+    fine, _ = shots_of(strands, 8)
+    assert behind_seen(coarse.sights) < 0.1
+    assert behind_seen(fine.sights) > 0.4
+    assert behind_seen(coarser_sights(fine, HULL)) < 0.1
+
+
+def test_a_reduced_photograph_shows_hair_where_it_did():
+    strands = curtain(0.0, np.linspace(-0.02, 0.02, 30))
+    shots, maps = shots_of(strands, 8)
+    (sight,) = coarser_sights(shots, HULL)
+    view = sight.view
+    assert pixel_sizes(HULL, [view]) == [pytest.approx(PIXEL, rel=0.01)]
+    assert sight.behind is not None and np.isinf(sight.behind).all()
+    pixel = project_points(strands.reshape(-1, 3), view.camera).pixel
+    x, y = pixel.astype(int).T
+    assert view.hair[y, x].mean() > 0.95
+    assert view.hair.mean() == pytest.approx(shots.views[0].hair.mean(), rel=0.05)
+    (found,) = resampled(maps, [sight])
+    assert found.angle.shape == view.hair.shape
+    upright = np.abs(np.sin(found.angle - 0.5 * np.pi))[view.hair]
+    assert np.percentile(upright, 90) < np.sin(np.radians(1.0))
+    assert (found.confidence > 0.0)[view.hair].mean() > 0.9
+    assert not found.confidence[:, :5].any()
+
+
+def test_photographs_with_coarse_pixels_stay_as_they_are():
+    shots, maps = shots_of(curtain(0.0, np.linspace(-0.02, 0.02, 5)), 2)
+    (sight,) = coarser_sights(shots, HULL)
+    assert sight.view is shots.views[0] and sight.behind is shots.depths[0]
+    assert resampled(maps, [sight]) == maps
