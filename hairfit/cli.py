@@ -411,6 +411,20 @@ def main(args: Sequence[str] | None = None) -> int:
     Args:
         args: The words after `hairfit`; those of the process if None.
     """
+    try:
+        try:
+            return obey(args)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        # Who reads what is printed, such as `head`, has read enough. What is left goes
+        # nowhere, or Python would complain once more when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+
+
+def obey(args: Sequence[str] | None) -> int:
+    """Run one command, and return its exit status; help raises `SystemExit`."""
     # What is compiled once stays compiled, small programs as well: there are many.
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache_folder()))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
@@ -425,7 +439,6 @@ def main(args: Sequence[str] | None = None) -> int:
     )
     try:
         command.run()
-        sys.stdout.flush()
     except InputError as error:
         print("hairfit: " + " ".join(str(error).split()), file=sys.stderr)
         return 2
@@ -434,11 +447,6 @@ def main(args: Sequence[str] | None = None) -> int:
         words = "; the same command goes on from here" if goes_on else ""
         print(f"hairfit: stopped{words}.", file=sys.stderr)
         return 130
-    except BrokenPipeError:
-        # Who reads what is printed, such as `head`, has read enough. What is left goes
-        # nowhere, or Python would complain once more when it ends.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 141
     return 0
 
 

@@ -409,8 +409,9 @@ def test_treeify_refuses_what_is_no_number(tmp_path, capsys):
     assert "must end with .hairtree" in capsys.readouterr().err
 
 
-def test_who_stops_reading_is_not_complained_to():
-    words = "import sys; from hairfit.cli import main; sys.exit(main(['gallery']))"
+@pytest.mark.parametrize("command", [["gallery"], ["fit", "--help"]])
+def test_who_stops_reading_is_not_complained_to(command):
+    words = f"import sys; from hairfit.cli import main; sys.exit(main({command}))"
     done = subprocess.Popen(
         [sys.executable, "-c", words],
         stdout=subprocess.PIPE,
