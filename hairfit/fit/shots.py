@@ -45,11 +45,6 @@ class Shots(NamedTuple):
     trusted: Trusted
     doubts: tuple[Doubt, ...]
 
-    @property
-    def sights(self) -> list[Sight]:
-        """The photographs that are used, each with the head's depth in it."""
-        return [Sight(*one) for one in zip(self.views, self.depths, strict=True)]
-
 
 def trusted_shots(views: Sequence[View], head: Mesh, store: Checkpoint) -> Shots:
     """Return the photographs once doubtful ones are mended or left out."""

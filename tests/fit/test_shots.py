@@ -43,8 +43,8 @@ def test_few_strands_hide_as_much_in_photographs_with_finer_pixels():
     strands = np.concatenate([front, back])
     coarse, _ = shots_of(strands, 2)
     fine, _ = shots_of(strands, 8)
-    assert behind_seen(coarse.sights) < 0.1
-    assert behind_seen(fine.sights) > 0.4
+    assert behind_seen(zip(coarse.views, coarse.depths, strict=True)) < 0.1
+    assert behind_seen(zip(fine.views, fine.depths, strict=True)) > 0.4
     assert behind_seen(coarser_sights(fine, HULL)) < 0.1
 
 
