@@ -59,7 +59,7 @@ RECIPES = {
     ),
     "ponytail-from-the-front": Recipe("ponytail", f"{FRONT} --colour blonde"),
     "ponytail-by-a-phone": Recipe(
-        "ponytail", f"{FRONT} --size 1536 2048 --colour blonde"
+        "ponytail", f"{FRONT} --size 1536 2048 --colour blonde --spp 16"
     ),
 }
 
@@ -77,7 +77,7 @@ def main() -> None:
         groom, head = find_groom(recipe, given.out, given.scenes or given.out)
         tool = str(SHARED / "tools" / "photograph.py")
         words = [sys.executable, tool, str(groom), str(head), str(given.out / name)]
-        subprocess.run([*words, *recipe.options.split(), "--spp", "32"], check=True)
+        subprocess.run([*words, "--spp", "32", *recipe.options.split()], check=True)
 
 
 def find_groom(

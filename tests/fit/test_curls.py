@@ -13,10 +13,10 @@ from hairfit.fit.curls import (
     find_period,
     lock_directions,
     mean_confidence,
-    pixel_sizes,
     points_for,
     see_curls,
 )
+from hairfit.fit.hull import pixel_sizes
 from hairfit.model.fur import PITCH, curl_strands
 from hairfit.model.tree import leaves
 from hairfit.synthetic.gallery import make_gallery_tree, make_subject
