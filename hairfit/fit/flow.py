@@ -7,9 +7,9 @@ for the tips that end there, and the flow between has a sign, everywhere at once
 from partings, along the skull to a tie, out of it into a tail. It also says where hair
 must spread so that none of the hull stays empty, as the flow fills all of it.
 
-Where hair ends, nobody sees. The flow strands spread with ends well away from the
-scalp; its sense along the field is voted on by a second one that may end near the scalp
-as well, as tied hair drawn around a head has no place of its own to go to.
+Where hair ends, nobody sees: it is said to end anywhere well away from the scalp. So
+the flow goes astray where much hair leaves through a narrow place, as tied hair does,
+and its sense is that of the field's lines (`sense.py`) wherever those have one.
 
 The flow is a potential's, $-K\nabla\varphi$ with
 $\lambda\varphi - \nabla\cdot(K\nabla\varphi) = q$: one symmetric linear system.
@@ -28,6 +28,7 @@ from scipy.spatial import KDTree
 from .evidence import Field
 from .grid import nearest_in, neighbours
 from .hull import Hull
+from .sense import growth_sense
 
 # How sharply hair runs along the direction: the exponent of the cosine between the
 # direction and the step to a neighbour.
@@ -36,24 +37,12 @@ ACROSS = 0.01  # conductance where the cosine is 0, against 1 along the directio
 SCALP_REACH = 2.0  # voxels from the scalp's samples where hair comes out
 
 
-class Ends(NamedTuple):
-    """Where tips are: shares of how far hair reaches from the scalp, and most metres.
-
-    Attributes:
-        first: Hair ends nowhere nearer to the scalp.
-        fully: Beyond this it ends everywhere alike.
-    """
-
-    first: tuple[float, float]
-    fully: tuple[float, float]
-
-
-# Strands spread as if hair ended well away from the scalp. Which way it grows is said
-# better, so many times, by tips that may be close to it as well.
-AWAY = Ends((0.1, 0.01), (0.3, 0.03))
-CLOSE = Ends((0.02, 0.002), (0.1, 0.01))
-CLOSE_COUNTS = 2.0
+# Where tips are and how they take: shares of how far hair reaches from the scalp, and
+# the most metres.
+FIRST = (0.1, 0.01)  # hair ends nowhere nearer to the scalp
+FULLY = (0.3, 0.03)  # beyond this it ends everywhere alike
 TRAVEL = (0.5, 0.05)  # what tips take leaves about a third after so far
+LINES_COUNT = 64.0  # what a field's lines say of the sense, against the flow
 FARTHEST_SHARE = 0.9  # of the hull lies nearer to the scalp than hair is said to reach
 FALL = 0.4  # how much hair falls that nobody sees, against how much it flows
 GUESSED = 0.5  # its anisotropy
@@ -94,13 +83,11 @@ def hair_flow(
     short = np.zeros(len(away))
     if field.stubble is not None:
         short[field.stubble[hull.hair]] = 1.0
-    spread, sense = (
-        _unit_flow(links, away, short, ends, hull.grid.spacing)
-        for ends in (AWAY, CLOSE)
-    )
+    spread = _unit_flow(links, away, short, hull.grid.spacing)
     direction = field.direction[hull.hair]
     along = (spread * direction).sum(axis=1)
-    turned = along * (along + CLOSE_COUNTS * (sense * direction).sum(axis=1)) < 0.0
+    sense = growth_sense(hull, field, away)
+    turned = along * (along + LINES_COUNT * sense) < 0.0
     flow = spread - np.where(turned, 2.0 * along, 0.0)[:, None] * direction
     out = np.zeros((*hull.grid.shape, 3))
     out[hull.hair] = flow
@@ -129,7 +116,6 @@ def _unit_flow(
     links: Links,
     away: Float[np.ndarray, " voxels"],
     short: Float[np.ndarray, " voxels"],
-    tips: Ends,
     spacing: float,
 ) -> Float[np.ndarray, "voxels 3"]:
     """Return the direction of the flow in every voxel of hair.
@@ -138,13 +124,11 @@ def _unit_flow(
         links: The conductances.
         away: How far each voxel is from the scalp, in metres.
         short: 1 where stubble ends, which takes all there is.
-        tips: Where hair ends.
         spacing: Edge of a voxel, in metres.
     """
     reach = float(np.quantile(away, FARTHEST_SHARE))
     near, far, travel = (
-        max(min(share * reach, most), 1e-3)
-        for share, most in (tips.first, tips.fully, TRAVEL)
+        max(min(share * reach, most), 1e-3) for share, most in (FIRST, FULLY, TRAVEL)
     )
     ends = np.clip((away - near) / max(far - near, 1e-3), 0.0, 1.0)
     # A little everywhere, so that pieces of hair without scalp are decided as well.

@@ -21,7 +21,7 @@ def all_centres(hull):
 
 
 def scalp_at(height, half=0.08, step=0.003):
-    side = np.arange(-half, half, step)
+    side = np.linspace(-half, half, round(2 * half / step))
     x, z = np.meshgrid(side, side)
     return np.stack([x, np.full_like(x, height), z], axis=-1).reshape(-1, 3)
 
@@ -112,8 +112,8 @@ def test_the_potential_gives_on_what_it_gets(seed):
     assert np.isclose((takes * found).sum(), gives.sum(), rtol=1e-3)
 
 
-def test_tips_near_the_scalp_turn_the_sense_and_no_strand_aside(monkeypatch):
-    # Hair in all directions, so that where it may end matters.
+def test_lines_turn_the_flow_and_send_no_strand_aside(monkeypatch):
+    # Hair in all directions, so that lines and flow often differ.
     hull = hull_where(
         lambda p: np.linalg.norm(p * [1.0, 2.0, 1.0], axis=1) < 0.06,
         [-0.07, -0.04, -0.07],
@@ -124,15 +124,15 @@ def test_tips_near_the_scalp_turn_the_sense_and_no_strand_aside(monkeypatch):
     field = signless(hull, rng.normal(size=(*hull.grid.shape, 3)))
     scalp = scalp_at(-0.02, half=0.04)
     flow = hair_flow(hull, field, scalp)[hull.hair]
-    monkeypatch.setattr("hairfit.fit.flow.CLOSE_COUNTS", 0.0)
-    away = hair_flow(hull, field, scalp)[hull.hair]
+    monkeypatch.setattr("hairfit.fit.flow.LINES_COUNT", 0.0)
+    alone = hair_flow(hull, field, scalp)[hull.hair]
     direction = field.direction[hull.hair]
-    along, before = ((x * direction).sum(axis=1) for x in (flow, away))
+    along, before = ((x * direction).sum(axis=1) for x in (flow, alone))
     across = flow - along[:, None] * direction
-    assert np.allclose(across, away - before[:, None] * direction, atol=1e-6)
+    assert np.allclose(across, alone - before[:, None] * direction, atol=1e-6)
     assert np.allclose(np.abs(along), np.abs(before), atol=1e-6)
     turned = along * before < 0.0
-    assert 0.0 < turned.mean() < 0.5
+    assert 0.0 < turned.mean() < 0.6
 
 
 def test_hair_of_which_nothing_is_known_grows_out_and_falls():

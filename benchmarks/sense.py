@@ -1,0 +1,95 @@
+"""How much hair the fit takes to grow the wrong way, before any strand has grown.
+
+Run `python benchmarks/sense.py CAPTURE ... [--views 00,01,...] [--quality normal]`; a
+capture has a `truth.npz`. Of the true hair within the hull so much is within 30 degrees
+of the field, and of that so much runs against the sense of growth; see `fit/sense.py`.
+"""
+
+import argparse
+import pathlib
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from accuracy_run import SUBSETS
+
+from hairfit.capture import load_capture
+from hairfit.evaluate.sample import sample_strands_evenly
+from hairfit.fit.bridges import bridged
+from hairfit.fit.checkpoint import Checkpoint
+from hairfit.fit.consistency import carve_by_direction
+from hairfit.fit.corners import carve_corners
+from hairfit.fit.curls import see_curls
+from hairfit.fit.evidence import diffuse, gather
+from hairfit.fit.flow import hair_flow
+from hairfit.fit.hull import carve
+from hairfit.fit.pipeline import PRESETS
+from hairfit.fit.shots import orientation_maps, trusted_shots, wrapped_scalp
+from hairfit.fit.trust import mute_clipped
+from hairfit.io.strands import load_strands
+from hairfit.model.scalp import points_on, sample_roots
+
+RIGHT = np.cos(np.radians(30.0))
+
+
+class Shares(NamedTuple):
+    """Of true hair: in the hull; of that along the field; of that against its sense."""
+
+    inside: float
+    along: float
+    against: float
+
+
+def main() -> None:
+    """Print a row for each capture."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("captures", nargs="+", type=pathlib.Path)
+    parser.add_argument("--views", default=",".join(SUBSETS[8] or ()))
+    parser.add_argument("--quality", default="normal", choices=PRESETS)
+    given = parser.parse_args()
+    print("| | in the hull | along the field | against its sense |")
+    print("| --- | --- | --- | --- |")
+    for folder in given.captures:
+        shares = measured(folder, given.views, given.quality)
+        cells = " | ".join(f"{100 * share:.2f} %" for share in shares)
+        print(f"| {folder.name} | {cells} |", flush=True)
+
+
+def measured(folder: pathlib.Path, names: str, quality: str) -> Shares:
+    """Return the shares of a capture, of the photographs that are named."""
+    capture = load_capture(folder, views=names)
+    head, store, preset = capture.head, Checkpoint(None), PRESETS[quality]
+    if head is None:
+        raise SystemExit(f"'{folder}' has no head.obj; take a capture that has one.")
+    shots = trusted_shots(capture.views, head, store)
+    views, depths = shots.views, shots.depths
+    hull = carve(views, depths, head, preset.spacing)
+    hull = carve_corners(hull, views, depths)
+    maps = orientation_maps(shots.trusted.views, store, lambda share: None)
+    muted = mute_clipped(shots.trusted.views, maps, shots.doubts)
+    maps = [muted[k] for k in shots.used]
+    hull = carve_by_direction(hull, views, maps, depths)
+    scalp = capture.scalp or wrapped_scalp(shots, head)
+    curls = see_curls(hull, views, maps)
+    uv = sample_roots(scalp, preset.guides, jax.random.key(0))
+    roots = np.asarray(points_on(scalp, uv), np.float64)
+    hull = bridged(hull, roots, views)
+    field = diffuse(hull, gather(hull, views, curls.maps, depths))
+    flow = hair_flow(hull, field, roots)
+    true = sample_strands_evenly(load_strands(folder / "truth.npz"))
+    voxel = hull.grid.voxel(true.points)
+    inside = hull.grid.inside(voxel)
+    at = tuple(np.where(inside[:, None], voxel, 0).T)
+    inside &= hull.hair[at]
+    cosine = (field.direction[at] * true.directions).sum(axis=1)
+    along = inside & (np.abs(cosine) > RIGHT)
+    against = along & (cosine * (field.direction[at] * flow[at]).sum(axis=1) < 0.0)
+    return Shares(
+        float(inside.mean()),
+        float(along.sum() / inside.sum()),
+        float(against.sum() / along.sum()),
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""Which of the two ways along a field hair grows: away from the scalp.
+
+A line of the field is a hair, as far as anybody can tell: one way along it leads to the
+root, the other to the tip, and the tip's is the one that comes farther from the scalp.
+Lines go astray, over a parting above all, where the field is hardly sure: so what they
+find counts less the more doubt they passed, they say less where they start in doubt,
+and each place takes the mean of what the lines around it say.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..render.raster import unit
+from .evidence import Field
+from .grid import blurred
+from .hull import Hull
+
+EVERY = 2  # voxels along each axis of which one is the start of a line
+LONGEST = 0.5  # metres, either way
+BLUNTEST = 0.5  # cosine of the sharpest turn that a line takes in a voxel
+STRAIGHT = 0.5  # of the way a line came, against that of the field ahead
+DOUBT = 0.03  # metres of a field that says nothing after which a third is believed
+SAME = 0.003  # metres by which distances from the scalp hardly differ
+AROUND = 0.015  # metres, the Gaussian over which lines agree
+
+
+def growth_sense(
+    hull: Hull, field: Field, away: Float[np.ndarray, " voxels"]
+) -> Float[np.ndarray, " voxels"]:
+    """Return how clearly hair grows along the field in each voxel, from -1 to 1.
+
+    Args:
+        hull: Where hair can be.
+        field: Directions; their signs say nothing.
+        away: How far each voxel of hair is from the scalp, in metres.
+
+    Returns:
+        Near 1 where the lines around come far from the scalp ahead and stay at it
+        behind, near -1 where it is the other way round, 0 where both ways are alike.
+    """
+    voxels = np.argwhere(hull.hair)
+    some = (voxels % EVERY == 0).all(axis=1)
+    start = hull.grid.centres(hull.hair)[some]
+    heading = field.direction[hull.hair][some]
+    distance = np.zeros(hull.grid.shape)
+    distance[hull.hair] = away
+    ahead, behind = (
+        _farthest(hull, field, distance, start, way * heading) for way in (1.0, -1.0)
+    )
+    told = (ahead - behind) / (ahead + behind + 2.0 * SAME)
+    told *= field.anisotropy[hull.hair][some]
+    started = np.zeros(hull.grid.shape, bool)
+    started[tuple(voxels[some].T)] = True
+    return _mean_around(hull, field, started, told[:, None] * heading)
+
+
+def _mean_around(
+    hull: Hull,
+    field: Field,
+    started: Bool[np.ndarray, "x y z"],
+    told: Float[np.ndarray, "lines 3"],
+) -> Float[np.ndarray, " voxels"]:
+    """Return the blurred mean of vectors along the field, in every voxel of hair."""
+    sigma = AROUND / hull.grid.spacing
+    count = blurred(started, np.ones(len(told)), sigma)[hull.hair]
+    mean = sum(
+        blurred(started, told[:, axis], sigma)[hull.hair]
+        * field.direction[hull.hair][:, axis]
+        for axis in range(3)
+    )
+    return mean / np.maximum(count, 1e-12)
+
+
+def _farthest(
+    hull: Hull,
+    field: Field,
+    distance: Float[np.ndarray, "x y z"],
+    start: Float[np.ndarray, "lines 3"],
+    heading: Float[np.ndarray, "lines 3"],
+) -> Float[np.ndarray, " lines"]:
+    """Return how far lines come from the scalp on one way along a field, in metres.
+
+    What they find is multiplied by how far the way there can be believed.
+
+    Args:
+        hull: Lines end where they leave its hair.
+        field: Directions; their signs say nothing.
+        distance: From the scalp, in the voxels of hair, in metres.
+        start: Where lines start: places in hair.
+        heading: The way they set out.
+    """
+    grid = hull.grid
+    farthest = distance[tuple(grid.voxel(start).T)]
+    point, rows, belief = start, np.arange(len(start)), np.ones(len(start))
+    fading = np.exp((field.anisotropy - 1.0) * grid.spacing / DOUBT)
+    for _ in range(int(LONGEST / grid.spacing)):
+        point = point + grid.spacing * heading
+        voxel = grid.voxel(point)
+        inside = grid.inside(voxel)
+        at = tuple(np.where(inside[:, None], voxel, 0).T)
+        along = field.direction[at]
+        cosine = (along * heading).sum(axis=1)
+        on = inside & hull.hair[at] & (np.abs(cosine) > BLUNTEST)
+        if not on.any():
+            break
+        rows, point, belief = rows[on], point[on], (belief * fading[at])[on]
+        farthest[rows] = np.maximum(farthest[rows], belief * distance[at][on])
+        heading = unit(
+            STRAIGHT * heading[on] + np.sign(cosine[on])[:, None] * along[on]
+        )
+    return farthest

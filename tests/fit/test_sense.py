@@ -1,0 +1,131 @@
+import numpy as np
+import pytest
+from ball_hair import hull_where
+
+from hairfit.fit.evidence import Field
+from hairfit.fit.sense import SAME, growth_sense
+
+SPACING = 0.004
+
+
+def made(hull, direction, sure=1.0, seed=None):
+    """Return a field of unit directions, signs at random if there is a seed."""
+    unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    if seed is not None:
+        signs = np.random.default_rng(seed).choice([-1.0, 1.0], hull.grid.shape)
+        unit = unit * signs[..., None]
+    return Field(unit, np.broadcast_to(sure, hull.grid.shape).astype(float))
+
+
+def along_x(hull):
+    return np.tile([1.0, 0.0, 0.0], (*hull.grid.shape, 1))
+
+
+def bar(length):
+    """Return hair along x from 0 on."""
+    return hull_where(
+        lambda p: (
+            (p[:, 0] > 0) & (p[:, 0] < length) & (np.abs(p[:, 1:]) < 0.012).all(1)
+        ),
+        [-0.02, -0.02, -0.02],
+        [length + 0.02, 0.02, 0.02],
+        SPACING,
+    )
+
+
+@pytest.fixture
+def single_lines(monkeypatch):
+    """Each place says what its own line says."""
+    monkeypatch.setattr("hairfit.fit.sense.EVERY", 1)
+    monkeypatch.setattr("hairfit.fit.sense.AROUND", 1e-6)
+
+
+@pytest.mark.usefixtures("single_lines")
+def test_a_straight_line_says_how_much_farther_its_tip_is_than_the_place():
+    hull = bar(0.1)
+    x = hull.grid.centres(hull.hair)[:, 0]
+    found = growth_sense(hull, made(hull, along_x(hull)), x)
+    tip = x.max()
+    assert np.allclose(found, (tip - x) / (tip + x + 2.0 * SAME), atol=1e-9)
+
+
+@pytest.mark.usefixtures("single_lines")
+def test_what_lies_beyond_doubt_counts_as_far_as_the_way_is_believed():
+    hull = bar(0.1)
+    x = hull.grid.centres(hull.hair)[:, 0]
+    field = made(hull, along_x(hull), sure=0.4)
+    found = growth_sense(hull, field, x)
+    # All that a line from `here` finds ahead, after the voxels in between.
+    places = np.unique(x)
+    belief = np.exp(-0.6 * np.maximum(places[None] - places[:, None], 0.0) / 0.03)
+    ahead = np.where(places[None] >= places[:, None], belief * places, 0.0).max(axis=1)
+    told = 0.4 * (ahead - places) / (ahead + places + 2.0 * SAME)
+    assert np.allclose(found, told[np.searchsorted(places, x)], atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_signs_of_the_field_change_no_sense(seed):
+    hull = bar(0.1)
+    away = hull.grid.centres(hull.hair)[:, 0]
+    plain, random = (made(hull, along_x(hull), seed=one) for one in (None, seed))
+    sign = (plain.direction * random.direction).sum(axis=-1)[hull.hair]
+    before = growth_sense(hull, plain, away)
+    assert np.allclose(sign * growth_sense(hull, random, away), before)
+    assert (before >= 0.0).all() and before[away < 0.08].min() > 0.05
+
+
+def arch():
+    """Return hair over a roof that hangs far down at -x, and half as far at +x."""
+
+    def inside(p):
+        plate = (np.abs(p[:, 1]) < 0.008) & (np.abs(p[:, 0]) < 0.06)
+        curtain = (np.abs(np.abs(p[:, 0]) - 0.052) < 0.008) & (p[:, 1] < 0)
+        lowest = np.where(p[:, 0] < 0, -0.12, -0.06)
+        return (plate | curtain & (p[:, 1] > lowest)) & (np.abs(p[:, 2]) < 0.02)
+
+    hull = hull_where(inside, [-0.07, -0.13, -0.03], [0.07, 0.02, 0.03], SPACING)
+    everywhere = np.ones(hull.grid.shape, bool)
+    centres = hull.grid.centres(everywhere).reshape(*hull.grid.shape, 3)
+    corner = np.maximum(np.abs(centres[..., 0]) - 0.04, 0.0) / 0.012
+    turn = 0.5 * np.pi * np.clip(corner, 0.0, 1.0)
+    side = np.sign(centres[..., 0])
+    along = np.stack([np.cos(turn), -side * np.sin(turn), np.zeros_like(turn)], -1)
+    return hull, centres, along
+
+
+def test_hair_beside_an_unsure_parting_does_not_grow_over_it():
+    hull, centres, along = arch()
+    place = centres[hull.hair]
+    away = np.maximum(0.0, -place[:, 1])
+    right = (np.abs(place[:, 0] - 0.03) < 0.008) & (np.abs(place[:, 1]) < 0.006)
+    # Of a line over the top that nothing parts, the longer end is the tip.
+    over = growth_sense(hull, made(hull, along), away)
+    assert (over[right] < 0.0).all()
+    parting = np.where(np.abs(centres[..., 0]) < 0.016, 0.02, 1.0)
+    apart = growth_sense(hull, made(hull, along, sure=parting), away)
+    assert (apart[right] > 0.0).all()
+
+
+def test_tied_hair_grows_along_the_head_to_where_its_tail_leaves():
+    # A plate on the scalp from which a thin tail stands off at one end.
+    def inside(p):
+        plate = (np.abs(p[:, 1]) < 0.008) & (np.abs(p[:, 0]) < 0.06)
+        tail = (np.abs(p[:, 0] - 0.054) < 0.007) & (p[:, 1] > 0) & (p[:, 1] < 0.12)
+        return plate & (np.abs(p[:, 2]) < 0.02) | tail & (np.abs(p[:, 2]) < 0.006)
+
+    hull = hull_where(inside, [-0.07, -0.02, -0.03], [0.07, 0.13, 0.03], SPACING)
+    everywhere = np.ones(hull.grid.shape, bool)
+    centres = hull.grid.centres(everywhere).reshape(*hull.grid.shape, 3)
+    tie = np.array([0.054, 0.0, 0.0])
+    turn = 0.5 * np.pi * np.clip((centres[..., 0] - 0.03) / 0.02, 0.0, 1.0)
+    bent = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
+    flat = (tie - centres) * [1.0, 0.0, 1.0]
+    flat /= np.maximum(np.linalg.norm(flat, axis=-1, keepdims=True), 1e-9)
+    along = np.where((centres[..., 0] > 0.02)[..., None], bent, flat)
+    away = np.maximum(0.0, centres[hull.hair][:, 1] + 0.008)
+    field = made(hull, along, seed=3)
+    to_tip = (field.direction * along).sum(axis=-1)[hull.hair]
+    signed = to_tip * growth_sense(hull, field, away)
+    lies = np.abs(centres[hull.hair][:, 1]) < 0.006
+    lies &= np.abs(centres[hull.hair][:, 0]) < 0.04
+    assert (signed[lies] > 0.0).mean() > 0.95
