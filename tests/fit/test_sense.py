@@ -8,7 +8,7 @@ from hairfit.fit.sense import SAME, growth_sense
 SPACING = 0.004
 
 
-def made(hull, direction, sure=1.0, seed=None):
+def made(hull, direction, sure: np.typing.ArrayLike = 1.0, seed=None):
     """Return a field of unit directions, signs at random if there is a seed."""
     unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     if seed is not None:
