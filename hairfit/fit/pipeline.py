@@ -118,7 +118,7 @@ PRESETS = {
         0.005,
         2500,
         2,
-        120,
+        200,
         12,
         RefineConfig(rounds=1, steps=30, strands=1200, points=16),
         settles=False,

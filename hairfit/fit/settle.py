@@ -3,9 +3,12 @@
 Nobody sees roots. Strands that grow beside each other and part on their way leave
 clusters whose roots lie between one another, and in a tree, where a root's place says
 which cluster it belongs to, most such roots go to the wrong one. So roots are laid out
-anew: pieces of scalp around the clusters' middles, as large as the clusters are strong
-(a power diagram by entropic transport, Cuturi 2013), and in each piece the strands
-where they fit the cluster's linear map.
+anew: pieces of scalp around the clusters' middles, about as large as the clusters are
+strong (a power diagram by entropic transport, Cuturi 2013), and in each piece the
+strands where they fit the cluster's linear map. Long hair gives way, short hair hardly:
+where roots would have to move far for the length of their strands, pieces are smaller
+or larger than is their due (unbalanced transport, Chizat et al. 2018, Mathematics of
+Computation 87).
 """
 
 from typing import NamedTuple
@@ -28,6 +31,9 @@ AROUND = 32  # clusters that a root may go to: those with the closest middles
 # middle, and steps between.
 COARSEST, FINEST, STEPS = 4.0, 0.25, 40
 MOVES = 3  # times that middles make room for each other
+# A piece with an e-th of the roots that are its due draws more as if it were nearer to
+# them by this share of its strands' length (squares are subtracted).
+SWAY = 0.2
 RIDGE = 0.02  # of the spread of roots, in a cluster's map
 ROUNDS = 2  # of matching strands and roots
 SOFTEST, REACH = 0.03, 5.0  # metres, and displacements, along which a strand gives way
@@ -50,7 +56,8 @@ def settled(
     """Return so many strands, of the same clusters, with roots evenly on the scalp.
 
     Of a cluster whose piece holds fewer roots than it has strands some are left out;
-    where it holds more, some come twice.
+    where it holds more, some come twice. The shorter strands are, the nearer to their
+    own roots they stay.
 
     Args:
         scalp: The scalp.
@@ -63,7 +70,8 @@ def settled(
     places = scalp_points(scalp, uv)
     strong = np.bincount(label)
     middles = np.stack([np.bincount(label, x) for x in rooted.knots[:, 0].T], axis=1)
-    piece = pieces(places, middles / strong[:, None], strong)
+    length = np.bincount(label, along_paths(rooted.knots)[:, -1]) / strong
+    piece = pieces(places, middles / strong[:, None], strong, SWAY * length)
     maps = regress_maps(rooted, label)
     rng = np.random.default_rng(seed)
     strand, root = [], []
@@ -86,8 +94,9 @@ def pieces(
     places: Float[np.ndarray, "roots 3"],
     middles: Float[np.ndarray, "clusters 3"],
     strong: Int[np.ndarray, " clusters"],
+    sway: Float[np.ndarray, " clusters"],
 ) -> Int[np.ndarray, " roots"]:
-    """Return the cluster of each root: pieces around middles, nearly as large as asked.
+    """Return the cluster of each root: pieces around middles, about as large as asked.
 
     Clusters with one middle push each other apart. The weak ones may get nothing.
 
@@ -95,7 +104,9 @@ def pieces(
         places: The roots, in metres.
         middles: Where the clusters would be, in metres.
         strong: How many strands each has.
+        sway: What a piece is nearer by, in metres, if it has an e-th of its due.
     """
+    firm = sway**2
     share = strong * (len(places) / strong.sum())
     weight = np.zeros(len(middles))
     at = middles
@@ -109,6 +120,7 @@ def pieces(
             part /= part.sum(axis=1, keepdims=True)
             got = np.bincount(near.ravel(), part.ravel(), minlength=len(at))
             weight += blur * np.log(share / np.maximum(got, 1e-3 * share))
+            weight *= firm / (firm + blur)
         parts = [(part * axis[:, None]).ravel() for axis in places.T]
         total = np.stack([np.bincount(near.ravel(), p, len(at)) for p in parts], axis=1)
         mean = total / np.maximum(got, 1e-9)[:, None]

@@ -19,11 +19,11 @@ def flat():
 
 
 def rooted(scalp, uv, aside):
-    """Strands of 10 cm that rise, or run aside."""
+    """Strands of a metre that rise, or run aside."""
     point, ground = on_scalp(scalp, jnp.asarray(uv))
     way = np.where(aside[:, None], [1.0, 0.3, 0.0], [0.0, 1.0, 0.0])
     way = way / np.linalg.norm(way, axis=1, keepdims=True)
-    along = 0.1 * np.linspace(0.0, 1.0, 12)
+    along = np.linspace(0.0, 1.0, 12)
     return Rooted(
         uv,
         np.asarray(point)[:, None] + along[:, None] * way[:, None],
@@ -86,10 +86,39 @@ def test_pieces_are_as_large_as_asked_and_around_their_middles():
     places = np.zeros((4000, 3))
     places[:, :2] = rng.uniform(0.0, SIDE, (4000, 2))
     middles = np.array([[0.05, 0.1, 0.0], [0.15, 0.1, 0.0]])
-    piece = pieces(places, middles, np.array([1, 3]))
+    piece = pieces(places, middles, np.array([1, 3]), np.ones(2))
     assert abs(np.mean(piece == 1) - 0.75) < 0.03
     # A power diagram of two is cut by one line across the line between the middles.
     assert places[piece == 0, 0].max() < places[piece == 1, 0].min() + 1e-3
+
+
+def test_pieces_of_short_hair_stay_where_it_grows():
+    rng = np.random.default_rng(1)
+    places = np.zeros((4000, 3))
+    places[:, :2] = rng.uniform(0.0, SIDE, (4000, 2))
+    middles = np.array([[0.05, 0.1, 0.0], [0.15, 0.1, 0.0]])
+    share = [
+        np.mean(pieces(places, middles, np.array([1, 3]), np.full(2, sway)) == 1)
+        for sway in (1e-3, 0.03, 0.06, 1.0)
+    ]
+    # Halfway between the middles at first, as large as the clusters are strong at last.
+    assert abs(share[0] - 0.5) < 0.02
+    assert np.min(np.diff(share)) > 0.02
+
+
+def test_short_hair_keeps_its_roots_and_long_hair_its_strength(mixed):
+    scalp, strands, label = mixed
+    share, moved = [], []
+    for length in (0.1, 0.3, 1.0):
+        knots = strands.knots[:, :1] + length * (strands.knots - strands.knots[:, :1])
+        found = settled(scalp, strands._replace(knots=knots), label, 500, 0)
+        share.append(np.mean(found.label == 1))
+        way = np.where(found.label[:, None] == 1, [0.958, 0.287, 0.0], [0.0, 1.0, 0.0])
+        before = found.rooted.knots[:, -1] - length * way
+        moved.append(np.linalg.norm(found.rooted.knots[:, 0] - before, axis=1).mean())
+    assert share[0] > share[1] > share[2] > 0.2
+    assert abs(share[2] - 0.25) < 0.03
+    assert moved[0] < moved[2]
 
 
 def test_clusters_at_nearly_one_place_share_it():
@@ -97,7 +126,10 @@ def test_clusters_at_nearly_one_place_share_it():
     places = np.zeros((3000, 3))
     places[:, :2] = rng.uniform(0.0, SIDE, (3000, 2))
     middles = np.full((3, 3), [0.1, 0.1, 0.0]) + 1e-3 * np.eye(3)
-    share = np.bincount(pieces(places, middles, np.full(3, 5)), minlength=3) / 3000
+    share = (
+        np.bincount(pieces(places, middles, np.full(3, 5), np.ones(3)), minlength=3)
+        / 3000
+    )
     assert np.abs(share - 1 / 3).max() < 0.12
 
 
