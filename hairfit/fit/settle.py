@@ -33,7 +33,7 @@ COARSEST, FINEST, STEPS = 4.0, 0.25, 40
 MOVES = 3  # times that middles make room for each other
 # A piece with an e-th of the roots that are its due draws more as if it were nearer to
 # them by this share of its strands' length (squares are subtracted).
-SWAY = 0.2
+SWAY = 0.1
 RIDGE = 0.02  # of the spread of roots, in a cluster's map
 ROUNDS = 2  # of matching strands and roots
 SOFTEST, REACH = 0.03, 5.0  # metres, and displacements, along which a strand gives way

@@ -19,11 +19,11 @@ def flat():
 
 
 def rooted(scalp, uv, aside):
-    """Strands of a metre that rise, or run aside."""
+    """Strands of 3 m, so long that they give way; they rise, or run aside."""
     point, ground = on_scalp(scalp, jnp.asarray(uv))
     way = np.where(aside[:, None], [1.0, 0.3, 0.0], [0.0, 1.0, 0.0])
     way = way / np.linalg.norm(way, axis=1, keepdims=True)
-    along = np.linspace(0.0, 1.0, 12)
+    along = 3.0 * np.linspace(0.0, 1.0, 12)
     return Rooted(
         uv,
         np.asarray(point)[:, None] + along[:, None] * way[:, None],
@@ -109,8 +109,10 @@ def test_pieces_of_short_hair_stay_where_it_grows():
 def test_short_hair_keeps_its_roots_and_long_hair_its_strength(mixed):
     scalp, strands, label = mixed
     share, moved = [], []
-    for length in (0.1, 0.3, 1.0):
-        knots = strands.knots[:, :1] + length * (strands.knots - strands.knots[:, :1])
+    for length in (0.2, 0.6, 3.0):
+        knots = strands.knots[:, :1] + length / 3.0 * (
+            strands.knots - strands.knots[:, :1]
+        )
         found = settled(scalp, strands._replace(knots=knots), label, 500, 0)
         share.append(np.mean(found.label == 1))
         way = np.where(found.label[:, None] == 1, [0.958, 0.287, 0.0], [0.0, 1.0, 0.0])
