@@ -9,6 +9,7 @@ from hairfit.fit.treeify import Rooted, on_scalp
 from hairfit.model import Scalp
 
 SIDE = 0.2
+APART = np.array([[0.05, 0.1, 0.0], [0.15, 0.1, 0.0]])
 
 
 def flat():
@@ -18,17 +19,24 @@ def flat():
     return Scalp(jnp.asarray(np.stack([x, np.zeros_like(x), -z], axis=-1)))
 
 
-def rooted(scalp, uv, aside):
-    """Strands of 3 m, so long that they give way; they rise, or run aside."""
+def rooted(scalp, uv, aside, length=3.0):
+    """Strands that rise, or run aside, by default so long that they give way."""
     point, ground = on_scalp(scalp, jnp.asarray(uv))
     way = np.where(aside[:, None], [1.0, 0.3, 0.0], [0.0, 1.0, 0.0])
     way = way / np.linalg.norm(way, axis=1, keepdims=True)
-    along = 3.0 * np.linspace(0.0, 1.0, 12)
+    along = length * np.linspace(0.0, 1.0, 12)
     return Rooted(
         uv,
         np.asarray(point)[:, None] + along[:, None] * way[:, None],
         np.asarray(ground, np.float64),
     )
+
+
+def even_places(count, seed):
+    """Places all over a level scalp."""
+    places = np.zeros((count, 3))
+    places[:, :2] = np.random.default_rng(seed).uniform(0.0, SIDE, (count, 2))
+    return places
 
 
 @pytest.fixture
@@ -82,23 +90,17 @@ def test_a_lone_cluster_gets_the_whole_scalp(mixed):
 
 
 def test_pieces_are_as_large_as_asked_and_around_their_middles():
-    rng = np.random.default_rng(1)
-    places = np.zeros((4000, 3))
-    places[:, :2] = rng.uniform(0.0, SIDE, (4000, 2))
-    middles = np.array([[0.05, 0.1, 0.0], [0.15, 0.1, 0.0]])
-    piece = pieces(places, middles, np.array([1, 3]), np.ones(2))
+    places = even_places(4000, 1)
+    piece = pieces(places, APART, np.array([1, 3]), np.ones(2))
     assert abs(np.mean(piece == 1) - 0.75) < 0.03
     # A power diagram of two is cut by one line across the line between the middles.
     assert places[piece == 0, 0].max() < places[piece == 1, 0].min() + 1e-3
 
 
 def test_pieces_of_short_hair_stay_where_it_grows():
-    rng = np.random.default_rng(1)
-    places = np.zeros((4000, 3))
-    places[:, :2] = rng.uniform(0.0, SIDE, (4000, 2))
-    middles = np.array([[0.05, 0.1, 0.0], [0.15, 0.1, 0.0]])
+    places = even_places(4000, 1)
     share = [
-        np.mean(pieces(places, middles, np.array([1, 3]), np.full(2, sway)) == 1)
+        np.mean(pieces(places, APART, np.array([1, 3]), np.full(2, sway)) == 1)
         for sway in (1e-3, 0.03, 0.06, 1.0)
     ]
     # Halfway between the middles at first, as large as the clusters are strong at last.
@@ -110,28 +112,24 @@ def test_short_hair_keeps_its_roots_and_long_hair_its_strength(mixed):
     scalp, strands, label = mixed
     share, moved = [], []
     for length in (0.2, 0.6, 3.0):
-        knots = strands.knots[:, :1] + length / 3.0 * (
-            strands.knots - strands.knots[:, :1]
-        )
-        found = settled(scalp, strands._replace(knots=knots), label, 500, 0)
+        grown = rooted(scalp, strands.uv, label == 1, length)
+        found = settled(scalp, grown, label, 500, 0)
+        assert mixing(found.rooted.uv, found.label) < 0.15
         share.append(np.mean(found.label == 1))
-        way = np.where(found.label[:, None] == 1, [0.958, 0.287, 0.0], [0.0, 1.0, 0.0])
-        before = found.rooted.knots[:, -1] - length * way
-        moved.append(np.linalg.norm(found.rooted.knots[:, 0] - before, axis=1).mean())
+        # Tips stay, and would go with their roots.
+        there = rooted(scalp, found.rooted.uv, found.label == 1, length)
+        away = (found.rooted.knots - there.knots)[:, -1]
+        moved.append(np.linalg.norm(away, axis=1).mean())
     assert share[0] > share[1] > share[2] > 0.2
     assert abs(share[2] - 0.25) < 0.03
     assert moved[0] < moved[2]
 
 
 def test_clusters_at_nearly_one_place_share_it():
-    rng = np.random.default_rng(2)
-    places = np.zeros((3000, 3))
-    places[:, :2] = rng.uniform(0.0, SIDE, (3000, 2))
+    places = even_places(3000, 2)
     middles = np.full((3, 3), [0.1, 0.1, 0.0]) + 1e-3 * np.eye(3)
-    share = (
-        np.bincount(pieces(places, middles, np.full(3, 5), np.ones(3)), minlength=3)
-        / 3000
-    )
+    piece = pieces(places, middles, np.full(3, 5), np.ones(3))
+    share = np.bincount(piece, minlength=3) / 3000
     assert np.abs(share - 1 / 3).max() < 0.12
 
 
