@@ -26,6 +26,9 @@ AT_ONCE = 1 << 20
 WIDTHS = np.geomspace(1e-6, 1e-2, 121)
 """Widths that are tried, in metres."""
 
+AS_WELL = 0.005
+"""By so much of IoU may hair cover less than the best and count as covering as well."""
+
 
 class Coverage(NamedTuple):
     """How hair of one width covers photographs.
@@ -61,6 +64,23 @@ def best_width(each: Sequence[Float[np.ndarray, " widths"]]) -> Coverage:
     ious = np.stack(each)
     best = int(ious.mean(axis=0).argmax())
     return Coverage(float(WIDTHS[best]), tuple(ious[:, best].tolist()))
+
+
+def narrowest_width(
+    points: Float[np.ndarray, "strands knots 3"], sights: Sequence[Sight]
+) -> float:
+    """Return the least width at which strands cover the masks as well as at the best.
+
+    The best itself may be far wider where strands lie within the masks: the more they
+    hide there, the less it changes.
+
+    Args:
+        points: The strands, with equal counts of points, in metres.
+        sights: The photographs, one or more.
+    """
+    each = abreast(lambda one: overlaps(points, one, WIDTHS), sights)
+    iou = np.mean(list(each), axis=0)
+    return float(WIDTHS[int(np.argmax(iou >= iou.max() - AS_WELL))])
 
 
 def overlaps(

@@ -17,6 +17,7 @@ from scipy import ndimage, optimize
 
 from ..abreast import abreast
 from ..capture.capture import View
+from ..evaluate.coverage import narrowest_width
 from ..evaluate.visibility import Sight
 from ..render.lights import DistantLight
 from ..render.lit import head_radiance, light_at, number
@@ -24,7 +25,7 @@ from ..render.raster import cells, project_points, rasterise, unit
 from ..render.scene import OUTSIDE, Colour, HairLook, Scene, head_places
 from ..render.shading import Fibre, kajiya_kay
 from ..render.shadow_style import ShadowStyle
-from ..render.studio import shown_width, sky_lights
+from ..render.studio import shared_width, sky_lights
 from ..types import Mesh
 
 PIXELS = 500  # of each photograph
@@ -64,6 +65,8 @@ class Appearance(NamedTuple):
         exposure: How much brighter than the mean each photograph is.
         skin: Colour of the head where no hair is, None where it is not seen.
         error: Root mean square error of brightness, relative.
+        total_width: The widths of all strands with which they cover the masks, in
+            metres: half as many are twice as wide.
     """
 
     colour: Colour
@@ -75,12 +78,13 @@ class Appearance(NamedTuple):
     exposure: Float[np.ndarray, " views"]
     error: float
     skin: Colour | None = None
+    total_width: float = 0.0
 
-    @property
-    def look(self) -> HairLook:
-        """The hair as pictures draw it, of a width for 10 000 strands."""
+    def look(self, count: int) -> HairLook:
+        """Return the hair as pictures draw it with so many strands."""
         return HairLook(
             colour=self.colour,
+            width=shared_width(self.total_width, count),
             ambient=1.0,
             diffuse=1.0,
             specular=self.specular,
@@ -132,7 +136,8 @@ def find_appearance(
     around = sky_lights((1.0, 1.0, 1.0), LIGHTS)
     ways = unit(np.stack([np.asarray(one.to_light, np.float64) for one in around]))
     few = strands[:: -(-len(strands) // CASTING)]
-    look = HairLook(width=shown_width(few))
+    total_width = len(strands) * narrowest_width(strands, sights)
+    look = HairLook(width=total_width / len(few))
     scene = Scene(few, look=look, head=head, shadows=SHADOWS)
     lit = light_pixels(strands, sights, scene, ways, seed)
     if lit is None:
@@ -142,7 +147,8 @@ def find_appearance(
     some = [sight.view.image[::4, ::4].max(axis=-1) for sight in sights]
     bright = [np.percentile(picture, BRIGHT) for picture in some]
     white = max(float(np.median(bright)), 1e-3) / WHITE
-    looks = tidied(best._replace(to_light=ways), white)
+    best = best._replace(to_light=ways, total_width=total_width)
+    looks = tidied(best, white)
     skin = skin_colour(looks, sights, scene)
     if skin is None:
         return looks

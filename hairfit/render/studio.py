@@ -47,6 +47,16 @@ def shown_width(strands: Float[np.ndarray, "strands knots 3"]) -> float:
     return width if usual or size == 0.0 else width * size / HEAD_OF_HAIR
 
 
+def shared_width(total: float, count: int) -> float:
+    """Return the width that so many strands are shown with to hide what others hid.
+
+    Args:
+        total: The widths of all strands that cover the hair, in metres.
+        count: How many are shown.
+    """
+    return float(np.clip(total / max(count, 1), NARROWEST, WIDEST))
+
+
 def preview_scene(
     strands: Float[np.ndarray, "strands knots 3"], head: Mesh | None
 ) -> Scene:

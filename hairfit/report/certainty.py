@@ -7,9 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from ..model.certainty import TreeConfidence
-from ..render.scene import HairLook
-from ..render.studio import preview_scene
-from ..types import Mesh
+from ..render.scene import HairLook, Scene
 from .drawing import draw_preview, orbit_cameras
 
 # Hair is right that lies so near to where it is said to run. Metres, radians.
@@ -27,28 +25,25 @@ LEGEND = (
 
 
 def certainty_pictures(
-    strands: Float[np.ndarray, "strands points 3"],
+    scene: Scene,
     owner: Int[np.ndarray, " strands"],
     confidence: TreeConfidence | None,
-    head: Mesh | None,
 ) -> list[UInt8[np.ndarray, "height width 3"]]:
     """Return pictures of the hair in the colours of `LEGEND`, from four sides.
 
     None at all if it is not known how sure the fit is.
 
     Args:
-        strands: The hair, in metres.
+        scene: Hair on a head, as previews show it.
         owner: The cluster of each strand.
         confidence: How sure the fit is of the clusters.
-        head: What wears the hair.
     """
     if confidence is None:
         return []
-    scene = preview_scene(strands, head)
     look = HairLook(width=scene.look.width, specular=(0.0, 0.0, 0.0), variation=0.1)
     tint = certainty_colour(confidence)[owner]
     scene = dataclasses.replace(scene, look=look, tint=tint)
-    return draw_preview(scene, orbit_cameras(strands, VIEWS, SIZE))
+    return draw_preview(scene, orbit_cameras(scene.strands, VIEWS, SIZE))
 
 
 def certainty_colour(confidence: TreeConfidence) -> Float[np.ndarray, "clusters 3"]:

@@ -150,6 +150,7 @@ def looks_in_report(looks: Appearance) -> dict[str, Any]:
         "sky": looks.sky,
         "exposure": looks.exposure,
         "relative_error": looks.error,
+        "total_width": looks.total_width,
     }
 
 

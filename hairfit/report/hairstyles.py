@@ -9,9 +9,10 @@ from ..fit import derive_strands
 from ..io.strands import load_strands
 from ..io.tree import load_tree
 from ..model.tree import HairTree
+from ..render.studio import shared_width
 from ..types import Strands
 from .pictures import hexadecimal
-from .result import is_result
+from .result import is_result, read_report
 
 
 def read_tree(path: Path) -> HairTree:
@@ -53,6 +54,18 @@ def own_colour(path: Path) -> str | None:
     if maps is None:
         return None
     return hexadecimal(np.asarray(maps.colour, np.float64).mean(axis=(0, 1)))
+
+
+def own_width(path: Path, count: int) -> float | None:
+    """Return how wide so many strands of a result cover its masks, None if unknown.
+
+    In metres.
+    """
+    if not is_result(path):
+        return None
+    looks = read_report(path).get("looks") or {}
+    total = looks.get("total_width")
+    return None if total is None else shared_width(float(total), count)
 
 
 def must_exist(path: Path) -> None:

@@ -19,7 +19,7 @@ from ..types import Mesh
 from .behind import Backdrops
 from .engines import Shot, draw_shots, open_engine
 from .film import check_film, open_film
-from .hairstyles import must_exist, own_colour, read_strands
+from .hairstyles import must_exist, own_colour, own_width, read_strands
 from .line_drawing import line_drawing
 from .orbit import orbit_camera, orbit_cameras
 from .progress import Progress, shown_progress
@@ -83,9 +83,13 @@ def render(
             "--transparent needs PNG, as GIF and MP4 have no alpha; name a folder."
         )
     subject = read_subject(hair, capture, head, options.hair.strands)
-    if options.hair.colour is None and options.hair.melanin is None:
-        own = dataclasses.replace(options.hair, colour=own_colour(hair))
-        options = dataclasses.replace(options, hair=own)
+    own = options.hair
+    if own.colour is None and own.melanin is None:
+        own = dataclasses.replace(own, colour=own_colour(hair))
+    if own.width_mm is None:
+        width = own_width(hair, len(subject.points))
+        own = dataclasses.replace(own, width_mm=width and 1000.0 * width)
+    options = dataclasses.replace(options, hair=own)
     shots = find_shots(subject, options)
     for shot in shots:
         check_size(shot.camera)

@@ -41,7 +41,8 @@ class HairOptions:
     shading: Shading = "kajiya-kay"
     """How a hair scatters light; the slower two let it through as real hair does."""
     width_mm: float | None = None
-    """Width of a hair; by default so that few hairs fill what many would."""
+    """Width of a hair; by default so that few hairs fill what many would, those of a
+    result what its masks show."""
     alpha: float = 1.0
     """Opacity of what a hair covers, above 0, up to 1."""
 

@@ -57,13 +57,12 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     if fitted.looks is None:
         again = draw_preview(scene, cameras)
     else:
-        look = dataclasses.replace(fitted.looks.look, width=scene.look.width)
-        scene = dataclasses.replace(scene, look=look)
+        scene = dataclasses.replace(scene, look=fitted.looks.look(len(some)))
         again = draw_again(scene, fitted.looks, cameras)
     frames = draw_preview(scene, turns)
     compared = abreast(partial(page_of, points), sights, fitted.maps, again)
     pages, errors = zip(*compared, strict=True)
-    sure = certainty_pictures(some, owner, fitted.tree.confidence, capture.head)
+    sure = certainty_pictures(scene, owner, fitted.tree.confidence)
     photographs = {one.name: one.to_dict() for one in errors}
     names = [page.name for page in pages]
     names += [f"turntable-{k:02}" for k in range(len(frames))]

@@ -5,7 +5,14 @@ import pytest
 from known_hair import front_camera, lines, striped
 
 from hairfit.evaluate import coverage
-from hairfit.evaluate.coverage import WIDTHS, fit_width, hair_density, overlaps
+from hairfit.evaluate.coverage import (
+    AS_WELL,
+    WIDTHS,
+    fit_width,
+    hair_density,
+    narrowest_width,
+    overlaps,
+)
 from hairfit.evaluate.visibility import Sight
 
 SIZE = 96
@@ -78,6 +85,21 @@ def test_wider_strands_cover_more():
     sight = Sight(striped(0.0), None)
     inside = overlaps(0.5 * square_of_hair(500, rng), sight, WIDTHS)
     assert (np.diff(inside) >= 0.0).all() and inside[0] == 0.0 and inside[-1] > 0.2
+
+
+def test_hair_is_no_wider_than_masks_ask_for():
+    # One short strand beside the others covers what it should once it is very wide.
+    hair = 0.8 * square_of_hair(2000, np.random.default_rng(3))
+    stray = hair[:1] * [0.2, 0.0, 1.0] + [0.0, 1.1 * hair[..., 1].max(), 0.0]
+    hair = np.concatenate([hair, stray])
+    sights = [Sight(striped(0.0), None)]
+    best, found = fit_width(hair, sights), narrowest_width(hair, sights)
+    assert found < 0.1 * best.width
+    around = np.array([found / 1.1, found])
+    too_thin, enough = overlaps(hair, sights[0], around)
+    assert too_thin < best.iou[0] - AS_WELL <= enough < best.iou[0]
+    twice = narrowest_width(np.concatenate([hair, hair]), sights)
+    assert twice / found == pytest.approx(0.5, rel=WIDTHS[1] / WIDTHS[0] - 1.0)
 
 
 def square_of_hair(count, rng):

@@ -154,6 +154,11 @@ def test_colour_and_light_of_photographs_are_found(photographs):
     key = KEY / np.linalg.norm(KEY)
     assert mean @ key / np.linalg.norm(mean) > np.cos(np.radians(35.0))
     assert np.allclose(found.exposure, 1.0, atol=0.1)
+    # Hair in the photographs is as wide as that.
+    width = shown_width(strands)
+    assert found.total_width == pytest.approx(len(strands) * width, rel=0.15)
+    assert found.look(len(strands)).width == pytest.approx(width, rel=0.15)
+    assert found.look(2 * len(strands)).width == pytest.approx(0.5 * width, rel=0.15)
 
 
 def test_the_colour_of_a_bare_head_is_found_in_known_light():

@@ -5,6 +5,7 @@ import pytest
 
 from hairfit.model import TreeConfidence
 from hairfit.model.strand import sample_hair
+from hairfit.render.studio import preview_scene
 from hairfit.report.certainty import certainty_colour, certainty_pictures
 from hairfit.synthetic import make_head, make_scalp, make_style
 
@@ -35,7 +36,7 @@ def test_pictures_show_each_cluster_in_its_colour(tree):
     known = said(tree, jnp.where(left, 1e-4, 1.0))
     hair = sample_hair(tree, 6000, 32, jax.random.key(0))
     strands, owner = np.asarray(hair.strands, np.float64), np.asarray(hair.owner)
-    pictures = certainty_pictures(strands, owner, known, None)
+    pictures = certainty_pictures(preview_scene(strands, None), owner, known)
     assert len(pictures) == 4
     blue, red = [], []
     for picture in pictures:
@@ -52,5 +53,5 @@ def test_pictures_show_each_cluster_in_its_colour(tree):
 
 
 def test_a_tree_that_does_not_say_is_not_shown(tree):
-    strands, owner = np.zeros((1, 2, 3)), np.zeros(1, int)
-    assert certainty_pictures(strands, owner, tree.confidence, None) == []
+    scene, owner = preview_scene(np.zeros((1, 2, 3)), None), np.zeros(1, int)
+    assert certainty_pictures(scene, owner, tree.confidence) == []

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shutil
 import stat
 
 import cv2
@@ -16,6 +17,7 @@ from hairfit.io.tree import save_tree
 from hairfit.model.maps import even_maps
 from hairfit.render.gl import NoContextError
 from hairfit.render.gl.context import COMPUTE, open_context
+from hairfit.report.result import FORMAT, write_report
 from hairfit.synthetic import make_head, make_scalp, make_style
 from hairfit.types import Strands
 
@@ -103,6 +105,28 @@ def test_a_tree_is_drawn_in_the_colour_painted_on_it(opengl, tmp_path):
     assert dense.sum() > 100
     assert own[dense, 2].mean() > 1.5 * own[dense, 0].mean()
     assert red[dense, 0].mean() > 1.5 * red[dense, 2].mean()
+
+
+def test_strands_of_a_result_are_as_wide_as_masks_asked_for(opengl, hair, tmp_path):
+    covered = []
+    for name, total_width in ("thin", 0.02), ("thick", 0.2), ("unknown", None):
+        result = tmp_path / name
+        result.mkdir()
+        shutil.copy(hair, result / "strands.hair")
+        maps = even_maps(4, 4, colour=(0.2, 0.1, 0.05))
+        tree = make_style("straight", 0, make_scalp(make_head()))
+        save_tree(result / "tree.hairtree", dataclasses.replace(tree, maps=maps))
+        looks = None if total_width is None else {"total_width": total_width}
+        report = {"format": FORMAT, "capture": "gone", "looks": looks}
+        write_report(result, report)
+        words = (*SIZE, "--transparent")
+        own = drawn(tmp_path / "a.png", result, *words)
+        if total_width is not None:
+            words = *words, "--width-mm", max(1000.0 * total_width / 900, 0.06)
+            assert (own == drawn(tmp_path / "b.png", result, *words)).all()
+        covered.append(own[..., 3].mean())
+    thin, thick, unknown = covered
+    assert 1.2 * thin < thick < 1.2 * unknown
 
 
 def test_pigment_makes_hair_dark(opengl, hair, tmp_path):
