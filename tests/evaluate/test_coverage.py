@@ -7,13 +7,16 @@ from known_hair import front_camera, lines, striped
 from hairfit.evaluate import coverage
 from hairfit.evaluate.coverage import (
     AS_WELL,
+    TALL,
     WIDTHS,
+    coarser,
     fit_width,
     hair_density,
     narrowest_width,
     overlaps,
 )
 from hairfit.evaluate.visibility import Sight
+from hairfit.render.camera import resized
 
 SIZE = 96
 
@@ -90,7 +93,7 @@ def test_wider_strands_cover_more():
 def test_hair_is_no_wider_than_masks_ask_for():
     # One short strand beside the others covers what it should once it is very wide.
     hair = 0.8 * square_of_hair(2000, np.random.default_rng(3))
-    stray = hair[:1] * [0.2, 0.0, 1.0] + [0.0, 1.1 * hair[..., 1].max(), 0.0]
+    stray = hair[:1] * [0.6, 0.0, 1.0] + [0.0, 1.1 * hair[..., 1].max(), 0.0]
     hair = np.concatenate([hair, stray])
     sights = [Sight(striped(0.0), None)]
     best, found = fit_width(hair, sights), narrowest_width(hair, sights)
@@ -100,6 +103,31 @@ def test_hair_is_no_wider_than_masks_ask_for():
     assert too_thin < best.iou[0] - AS_WELL <= enough < best.iou[0]
     twice = narrowest_width(np.concatenate([hair, hair]), sights)
     assert twice / found == pytest.approx(0.5, rel=WIDTHS[1] / WIDTHS[0] - 1.0)
+
+
+def enlarged(view, times):
+    """Return a view of so many times as many pixels a side, with the same mask."""
+    mask, image = (
+        part.repeat(times, axis=0).repeat(times, axis=1)
+        for part in (view.hair, view.image)
+    )
+    camera = resized(view.camera, times * SIZE, times * SIZE)
+    return dataclasses.replace(view, camera=camera, hair=mask, image=image)
+
+
+def test_the_width_is_the_same_in_a_picture_of_more_pixels():
+    view, hair = striped(0.0), square_of_hair(2000, np.random.default_rng(4))
+    some, fine = enlarged(view, 3), enlarged(view, 15)
+    assert 3 * SIZE < TALL < 15 * SIZE
+    small = coarser(Sight(fine, np.arange(fine.hair.size).reshape(fine.hair.shape)))
+    assert (small.view.hair == some.hair).all()
+    # What hides hair is asked in the middle of each block of five pixels.
+    assert small.behind is not None and small.behind[1, 2] == 7 * 15 * SIZE + 12
+    few = hair[::10]
+    widths = [narrowest_width(few, [Sight(one, None)]) for one in (some, fine)]
+    assert widths[0] == widths[1]
+    # Strands a tenth as many leave gaps in fine pixels that no width fills.
+    assert fit_width(few, [Sight(fine, None)]).iou[0] < 0.5
 
 
 def square_of_hair(count, rng):
