@@ -40,10 +40,6 @@ from .pictures import (
 DRAWN = 10_000
 # Metres, half a pixel or less: a hair that is wider is drawn as several side by side.
 WIDEST = 0.00045
-UNSEEN, MOSTLY = (
-    0.0005,
-    0.95,
-)  # metres that 95 % of knots may be off: a third of a pixel
 TURNS = 16
 PAPER = 0.25  # linear brightness of what is behind photographs drawn again
 TURNTABLE_SIZE = (360, 450)
@@ -56,7 +52,7 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     previews.mkdir()
     sights = map(Sight, fitted.views, fitted.depths)
     step = -(-len(points) // DRAWN)
-    some, owner = fewer_knots(points[::step]), fitted.owner[::step]
+    some, owner = points[::step], fitted.owner[::step]
     cameras = [small(view.camera) for view in fitted.views]
     turns = orbit_cameras(points, TURNS, TURNTABLE_SIZE)
     scene = preview_scene(some, capture.head)
@@ -82,29 +78,6 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     text = report_html(title, pages, fitted.figures, frames, warnings, sure)
     (folder / "report.html").write_text(text, encoding="utf-8")
     return photographs
-
-
-def fewer_knots(
-    strands: Float[np.ndarray, "strands knots 3"],
-) -> Float[np.ndarray, "strands fewer 3"]:
-    """Return strands with half of the knots, and half again, while it does not show.
-
-    Each piece between two knots takes its time to draw.
-    """
-    last, fewer = strands.shape[1] - 1, strands
-    for pieces in (last // 2, last // 4):
-        if pieces < 1:
-            break
-        kept = np.round(np.linspace(0, last, pieces + 1)).astype(int)
-        at = np.interp(np.arange(last + 1), kept, np.arange(pieces + 1))
-        piece = np.minimum(at.astype(int), pieces - 1)
-        share = (at - piece)[:, None]
-        start, end = strands[:, kept[piece]], strands[:, kept[piece + 1]]
-        off = np.linalg.norm(strands - start - share * (end - start), axis=-1)
-        if np.quantile(off, MOSTLY) > UNSEEN:
-            break
-        fewer = strands[:, kept]
-    return fewer
 
 
 def draw_again(
