@@ -21,6 +21,7 @@ from hairfit.io.tree import load_tree
 from hairfit.model.cylinder import GeneralizedCylinder
 from hairfit.model.scalp import Scalp
 from hairfit.model.tree import HairTree, ScalpContour
+from hairfit.report.show import TURNS
 from hairfit.synthetic import head_distance, make_head
 from hairfit.types import Mesh, Strands
 
@@ -89,7 +90,7 @@ class FakeFit:
             strands=hair(),
             owner=np.zeros(hair().count, int),
             looks=None,
-            figures={"loss": 0.125},
+            figures={"quality": config.quality, "loss": 0.125},
             maps=[found for _ in capture.views],
             views=tuple(capture.views),
             depths=[np.full(shape, np.inf) for _ in capture.views],
@@ -101,7 +102,7 @@ class FakeFit:
 def fake(monkeypatch):
     fake = FakeFit()
     monkeypatch.setattr("hairfit.report.fitting.fit_capture", fake)
-    monkeypatch.setattr("hairfit.report.show.TURNS", 2)
+    monkeypatch.setattr("hairfit.report.show.TURNS", dict.fromkeys(TURNS, 2))
     monkeypatch.setattr("hairfit.report.show.TURNTABLE_SIZE", (24, 30))
     return fake
 
@@ -116,7 +117,8 @@ def test_a_fit_writes_the_whole_result(fake, capture, tmp_path, capsys):
     printed = capsys.readouterr()
     line = json.loads(printed.out)
     assert line["result"] == str(out) and line["seconds"] >= 0
-    assert line["figures"] == {"loss": 0.125} and line["views"] == list(NAMES)
+    figures = {"quality": "normal", "loss": 0.125}
+    assert line["figures"] == figures and line["views"] == list(NAMES)
     report = json.loads((out / "report.json").read_text())
     assert report["capture"] == "../tiny"
     assert report["settings"] == {"quality": "normal", "seed": 3, "strands": 16000}
