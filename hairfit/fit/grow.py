@@ -18,6 +18,8 @@ from .hull import Hull
 # Of the scalp's normal in a strand's first direction, against the flow's.
 LIFT = 0.2
 AT_ONCE = 512  # strands that are traced together
+# A strand that has come no farther than this share of so many metres runs in circles.
+CIRCLE, ROUND = 0.06, 0.35
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,7 +59,7 @@ def grow(
     """Return strands that start at the roots and follow the field to their tips.
 
     The field has no sign: a strand takes that of the flow, and ends where the flow
-    comes towards it. It slides along the hull where it leaves it at a low angle, and
+    comes towards it or leads it in circles. It slides along the hull where it leaves it at a low angle, and
     ends where it leaves it steeply.
 
     Args:
@@ -98,8 +100,31 @@ def grow(
         for start, outward in zip(starts, outwards, strict=True)
     ]
     path = np.concatenate(paths, axis=1)[:, : len(roots)].astype(np.float64)
-    points = np.concatenate([roots[None], path])
+    points = uncircled(np.concatenate([roots[None], path]), config.step)
     return resample_paths(points.transpose(1, 0, 2), knots)
+
+
+def uncircled(
+    path: Float[np.ndarray, "steps strands 3"], step: float
+) -> Float[np.ndarray, "steps strands 3"]:
+    """Return paths that end where they begin to run in circles.
+
+    A field has no end in the middle of a whirl, as where a bun is wound up: strands
+    would fill it, until they are as long as any may be, where no hair is.
+
+    Args:
+        path: Where each strand is at each step, in metres; after its tip it stays.
+        step: How far a strand goes in a step, in metres.
+    """
+    lag = round(CIRCLE / step)
+    if lag >= len(path):
+        return path
+    goes = (path[lag:] != path[lag - 1 : -1]).any(axis=2)
+    gone = np.linalg.norm(path[lag:] - path[:-lag], axis=2)
+    circles = goes & (gone < ROUND * CIRCLE)
+    last = np.where(circles.any(axis=0), circles.argmax(axis=0), len(path) - 1)
+    kept = np.minimum(np.arange(len(path))[:, None], last)
+    return np.take_along_axis(path, kept[..., None], axis=0)
 
 
 @jax.jit(static_argnames="config")

@@ -2,6 +2,8 @@
 
 A line of the field is a hair, as far as anybody can tell: one way along it leads to the
 root, the other to the tip, and the tip's is the one that comes farther from the scalp.
+How much farther than where one stands is what counts: towards the root a hair comes
+hardly any, so that most lines are as clear near the scalp as far from it.
 Lines go astray, over a parting above all, where the field is hardly sure: so what they
 find counts less the more doubt they passed, they say less where they start in doubt,
 and each place takes the mean of what the lines around it say.
@@ -35,8 +37,8 @@ def growth_sense(
         away: How far each voxel of hair is from the scalp, in metres.
 
     Returns:
-        Near 1 where the lines around come far from the scalp ahead and stay at it
-        behind, near -1 where it is the other way round, 0 where both ways are alike.
+        Near 1 where the lines around go away from the scalp ahead and not behind, near
+        -1 where it is the other way round, 0 where both ways are alike.
     """
     voxels = np.argwhere(hull.hair)
     some = (voxels % EVERY == 0).all(axis=1)
@@ -47,7 +49,8 @@ def growth_sense(
     ahead, behind = (
         _farthest(hull, field, distance, start, way * heading) for way in (1.0, -1.0)
     )
-    told = (ahead - behind) / (ahead + behind + 2.0 * SAME)
+    here = away[some]
+    told = (ahead - behind) / (ahead + behind - 2.0 * (here - SAME))
     told *= field.anisotropy[hull.hair][some]
     started = np.zeros(hull.grid.shape, bool)
     started[tuple(voxels[some].T)] = True

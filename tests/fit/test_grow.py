@@ -3,7 +3,7 @@ import pytest
 from ball_hair import RADIUS, hull_where, meridian
 
 from hairfit.fit.evidence import Field
-from hairfit.fit.grow import AT_ONCE, GrowConfig, grow
+from hairfit.fit.grow import AT_ONCE, CIRCLE, ROUND, GrowConfig, grow
 
 CONFIG = GrowConfig()
 SPACING = 0.004
@@ -94,6 +94,29 @@ def test_strands_end_where_the_flow_comes_towards_them():
     flow = flow * np.where(height < middle, -1.0, 1.0).reshape(*hull.grid.shape, 1)
     strands = grow(hull, constant(hull, [0, 1, 0]), flow, ROOTS, DOWN, 20)
     assert np.abs(strands[:, -1, 1] - middle).max() < 2 * CONFIG.step
+
+
+def whirl(inwards):
+    """Return a strand that runs around the y axis, and so much inwards."""
+    hull = tube(radius=0.06)
+    shape = hull.grid.shape
+    centres = hull.grid.centres(np.ones(shape, bool)).reshape(*shape, 3)
+    centres[..., 1] = 0.0
+    way = np.cross([0.0, -1.0, 0.0], centres) - inwards * centres
+    way /= np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
+    root, ahead = np.array([[0.04, -0.1, 0.0]]), np.array([[0.0, 0.0, 1.0]])
+    return grow(hull, Field(way, np.ones(shape)), way, root, ahead, 200)
+
+
+def test_strands_end_where_they_begin_to_run_in_circles():
+    free, wound = whirl(0.0), whirl(0.2)
+    assert lengths(free)[0] > 0.95 * CONFIG.longest
+    assert lengths(wound)[0] > 0.1
+    # On the smallest circle that is let pass, the chord of the arc is just as short.
+    radius = np.linspace(0.5 * CIRCLE / np.pi, 0.02, 1000)
+    chord = 2 * radius * np.sin(CIRCLE / (2 * radius))
+    smallest = radius[np.abs(chord - ROUND * CIRCLE).argmin()]
+    assert smallest < np.hypot(*wound[0, -1, [0, 2]]) < 1.5 * smallest
 
 
 def test_strands_spread_with_the_flow_by_the_share_that_is_asked_for():
