@@ -59,8 +59,8 @@ def grow(
     """Return strands that start at the roots and follow the field to their tips.
 
     The field has no sign: a strand takes that of the flow, and ends where the flow
-    comes towards it or leads it in circles. It slides along the hull where it leaves it at a low angle, and
-    ends where it leaves it steeply.
+    comes towards it or leads it in circles. It slides along the hull where it leaves
+    it at a low angle, and ends where it leaves it steeply.
 
     Args:
         hull: Where hair can be.
