@@ -16,14 +16,17 @@ from scipy.spatial.transform import Rotation
 from ..capture.capture import View
 from ..capture.cranium import find_cranium
 from ..render.camera import Camera
-from ..render.raster import cells, mesh_depth, project_points
+from ..render.raster import mesh_depth
 from ..types import Mesh
 
-SAMPLES = 25_000  # points on the head's surface
-CLOSING = 2  # pixels: gaps between the points
-BLURS = (4.0, 1.5)  # pixels, from coarse to fine
-STRIDE = 2  # one residual for so many pixels
-LARGE_TURN = 1.0  # radians: costs as much as a misfit of the whole head
+GAP = 3  # pixels between masks of hair and of the rest that belong to the person
+HAIR_REACH = 5  # pixels from hair within which an outline may be the hair's
+FARTHEST = 30.0  # pixels: outlines farther off count as this far off
+LEAST_EDGE = 50  # pixels of outline, without which nothing is told
+ROUNDS = 6  # outlines are found anew after each turn
+STEADY = 2e-4  # radians: the last turn
+SHARPEST = 0.5  # pixels within which outlines agree
+LOOSE = 3.0  # pixels off, in the mean, that a turn of one radian must be worth
 
 
 class Misfit(NamedTuple):
@@ -50,6 +53,9 @@ def misfit(
 ) -> Misfit:
     """Return how far a person is from the outline of the head.
 
+    Pixels in which hair and skin are mixed may be in neither mask: such gaps are the
+    person's.
+
     Args:
         head: Where the head would be seen.
         body: Where the photograph shows the person.
@@ -57,31 +63,18 @@ def misfit(
     """
     area = max(int(head.sum()), 1)
     outside = (body & ~head & ~hair).sum()
-    return Misfit(float(outside / area), float((head & ~body & ~hair).sum() / area))
+    bare = (head & ~whole_person(body, hair)).sum()
+    return Misfit(float(outside / area), float(bare / area))
 
 
-def surface_points(head: Mesh) -> Float[np.ndarray, "points 3"]:
-    """Return points spread over the head's surface, always the same ones."""
-    import trimesh
-
-    mesh = trimesh.Trimesh(head.vertices, head.faces, process=False)
-    sampled = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
-    return np.concatenate([np.asarray(sampled[0]), np.asarray(head.vertices)])
-
-
-def outline(
-    points: Float[np.ndarray, "points 3"], camera: Camera
+def whole_person(
+    body: Bool[np.ndarray, "height width"], hair: Bool[np.ndarray, "height width"]
 ) -> Bool[np.ndarray, "height width"]:
-    """Return where a camera sees a surface of which points are given."""
-    pad = 2 * CLOSING
-    drawn = np.zeros((camera.height + 2 * pad, camera.width + 2 * pad), np.uint8)
-    pixels = project_points(points, camera)
-    row, column, seen = cells(pixels, camera.width, camera.height)
-    drawn[row[seen] + pad, column[seen] + pad] = 1
-    size = 2 * CLOSING + 1
-    wide = np.asarray(ndimage.maximum_filter(drawn, size=size))
-    closed = np.asarray(ndimage.minimum_filter(wide, size=size))
-    return closed[pad:-pad, pad:-pad] > 0
+    """Return where hair or the rest of a person is, and in narrow gaps between them."""
+    person = np.pad(body | hair, 2 * GAP, mode="edge")
+    wide = ndimage.maximum_filter(person, size=2 * GAP + 1)
+    closed = np.asarray(ndimage.minimum_filter(wide, size=2 * GAP + 1), bool)
+    return closed[2 * GAP : -2 * GAP, 2 * GAP : -2 * GAP]
 
 
 def turned_camera(
@@ -124,83 +117,123 @@ class Registered(NamedTuple):
     about_head: bool
 
 
-def register(view: View, head: Mesh) -> Registered:
+def register(
+    view: View, depth: Float[np.ndarray, "height width"], head: Mesh
+) -> Registered:
     """Return the turn of the camera after which the head fits the person best.
 
-    Two kinds of turns are tried, each by least squares on blurred outlines: where the
-    camera stands, from the shift that correlates best, and about the head. All six
-    freedoms together are worse: outlines hardly tell these apart. Hair hides the head
-    and counts for neither.
+    Two kinds of turns are tried, each by outlines that approach each other along their
+    normals [Chen and Medioni, *Object modelling by registration of multiple range
+    images*, 1992]: where the camera stands, from the shift that correlates best, and
+    about the head. All six freedoms together are worse: outlines hardly tell these
+    apart. Hair hides the head and counts for neither.
 
     Args:
         view: The photograph, shrunken, with `body`.
+        depth: Depth of the head in it, in metres.
         head: The head.
     """
     body, hair = view.body, view.hair
     if body is None:
         raise ValueError("`register` needs the mask of the person.")
-    points = surface_points(head)
-    first = outline(points, view.camera)
     here = np.asarray(view.camera.centre, np.float64)
-    focal = float(view.camera.K[0, 0])
+    seen = np.isfinite(depth)
+    shift = _best_shift(seen, body, hair) / float(view.camera.K[0, 0])
     found = []
-    for centre, start, unit in (
-        (here, _best_shift(first, body, hair) / focal, 4.0 / focal),
-        (find_cranium(head).centre, np.zeros(3), 0.05),
-    ):
-        # A roll moves pixels as an orbit does, however far the head is.
-        units = np.array([unit, unit, 0.05])
-        turn = _best_turn(view, points, centre, start, units)
+    for centre, start in ((here, shift), (find_cranium(head).centre, np.zeros(3))):
+        turn = _best_turn(view, head, centre, start)
         camera = turned_camera(view.camera, centre, turn)
-        # Exactly: points leave concave outlines a little too full.
         after = misfit(np.isfinite(mesh_depth(head, camera)), body, hair)
         found.append((after.total, camera, after, turn, centre is not here))
     _, camera, after, turn, about_head = min(found, key=lambda one: one[0])
     turn_deg = float(np.degrees(np.linalg.norm(turn)))
-    before = misfit(np.isfinite(mesh_depth(head, view.camera)), body, hair)
-    return Registered(camera, before, after, turn_deg, about_head)
+    return Registered(camera, misfit(seen, body, hair), after, turn_deg, about_head)
 
 
 def _best_turn(
     view: View,
-    points: Float[np.ndarray, "points 3"],
+    head: Mesh,
     centre: Float[np.ndarray, " 3"],
     start: Float[np.ndarray, " 3"],
-    units: Float[np.ndarray, " 3"],
 ) -> Float[np.ndarray, " 3"]:
-    """Return the turn about a point that fits blurred outlines best, in radians."""
-    body = np.asarray(view.body)
-    free = ~np.asarray(ndimage.binary_dilation(view.hair, iterations=2), bool)
-    size = np.sqrt(max(body.sum(), 1)) / STRIDE
-    scaled = start / units
-    for blur in BLURS:
-        target = ndimage.gaussian_filter((free & body).astype(np.float32), blur)
-
-        def residuals(at, blur=blur, target=target):
-            seen = outline(points, turned_camera(view.camera, centre, at * units))
-            shown = ndimage.gaussian_filter((seen & free).astype(np.float32), blur)
-            apart = (shown - target)[::STRIDE, ::STRIDE]
-            return np.concatenate([apart.ravel() / size, at * units / LARGE_TURN])
-
-        # Outlines change by whole pixels: differences must span several of them.
-        step = 0.1 * blur
-
-        def slope(at, residuals=residuals, step=step):
-            columns = [
-                (residuals(at + step * axis) - residuals(at - step * axis)) / (2 * step)
-                for axis in np.eye(3)
-            ]
-            return np.stack(columns, axis=1)
-
-        scaled = least_squares(
-            residuals,
-            scaled,
-            jac=slope,  # pyright: ignore[reportArgumentType]
-            max_nfev=8,
-            xtol=3e-3,
-            ftol=1e-4,
+    """Return the turn about a point that brings outlines together, in radians."""
+    inside = _depth_inside(whole_person(np.asarray(view.body), view.hair))
+    size = 2 * HAIR_REACH + 1
+    hidden = np.asarray(ndimage.maximum_filter(view.hair, size=size), bool)
+    turn = start
+    for _ in range(ROUNDS):
+        camera = turned_camera(view.camera, centre, turn)
+        apart, slope = _compare_outlines(
+            mesh_depth(head, camera), camera, centre, inside, hidden
+        )
+        if len(apart) < LEAST_EDGE:
+            break
+        loose = np.sqrt(len(apart)) * LOOSE * np.eye(3)
+        rows = np.concatenate([slope, loose])
+        wanted = np.concatenate([apart, -loose @ turn])
+        step = least_squares(
+            lambda at, rows=rows, wanted=wanted: rows @ at - wanted,
+            np.zeros(3),
+            jac=lambda _, rows=rows: rows,  # pyright: ignore[reportArgumentType]
+            loss="cauchy",
+            f_scale=max(float(np.median(np.abs(apart))), SHARPEST),
         ).x
-    return scaled * units
+        turn = (Rotation.from_rotvec(step) * Rotation.from_rotvec(turn)).as_rotvec()
+        if np.linalg.norm(step) < STEADY:
+            break
+    return turn
+
+
+def _compare_outlines(
+    depth: Float[np.ndarray, "height width"],
+    camera: Camera,
+    centre: Float[np.ndarray, " 3"],
+    inside: Float[np.ndarray, "height width"],
+    hidden: Bool[np.ndarray, "height width"],
+) -> tuple[Float[np.ndarray, " edge"], Float[np.ndarray, "edge 3"]]:
+    """Return how far the head's outline is from the person's, and what turns change.
+
+    Args:
+        depth: Depth of the head, in metres.
+        camera: The camera that sees it so.
+        centre: What the camera is turned about, in metres.
+        inside: How deep each pixel lies in the person, negative beside it, in pixels.
+        hidden: Where hair hides both outlines.
+
+    Returns:
+        For each pixel of the head's outline, how many pixels it must move inwards to
+        be the person's, and by how many it does for each radian of a turn.
+    """
+    seen = np.isfinite(depth)
+    # Where the picture ends, no outline ends.
+    within = np.asarray(ndimage.binary_erosion(seen, border_value=1), bool)
+    edge = seen & ~within & ~hidden
+    row, column = np.nonzero(edge)
+    own = _depth_inside(seen)
+    down, right = np.gradient(own)
+    inwards = np.stack([right[row, column], down[row, column]], axis=1)
+    inwards /= np.maximum(np.linalg.norm(inwards, axis=1, keepdims=True), 1e-6)
+    K, pose = (np.asarray(m, np.float64) for m in (camera.K, camera.cam_from_world))
+    z = depth[row, column]
+    x = (column + 0.5 - K[0, 2]) / K[0, 0] * z
+    y = (row + 0.5 - K[1, 2]) / K[1, 1] * z
+    # How a normal's pixels change with the point, and the point with the turn.
+    across = inwards[:, 0] * K[0, 0] / z, inwards[:, 1] * K[1, 1] / z
+    along = -(across[0] * x + across[1] * y) / z
+    arm = np.stack([x, y, z], axis=1) - (pose[:3, :3] @ centre + pose[:3, 3])
+    slope = np.cross(arm, np.stack([*across, along], axis=1))
+    return own[row, column] - inside[row, column], slope
+
+
+def _depth_inside(
+    mask: Bool[np.ndarray, "height width"],
+) -> Float[np.ndarray, "height width"]:
+    """Return how deep pixels lie in a mask, negative beside it, in pixels."""
+    if mask.all() or not mask.any():
+        return np.full(mask.shape, FARTHEST if mask.any() else -FARTHEST)
+    deep = ndimage.distance_transform_edt(mask)
+    deep = np.asarray(deep) - np.asarray(ndimage.distance_transform_edt(~mask))
+    return ndimage.gaussian_filter(np.clip(deep, -FARTHEST, FARTHEST), 1.0)
 
 
 def _best_shift(

@@ -20,15 +20,16 @@ from .agreement import ask_all, disagreement_without, find_candidates
 from .registration import Misfit, Registered, misfit, register
 
 LONGEST_SIDE = 320  # pixels of the shrunken pictures
+OUTLINE_SIDE = 640  # of those whose outlines are compared: hair is hidden in them
 MOST_ACCUSED = 0.34  # share of the views; where more stand out, the head is wrong
 # A misfit stands out beyond `base + factor * median of the others`, in shares of the
 # head's area. The bases leave room for outlines drawn by hand.
 ODD_OUTSIDE = (0.008, 3.0)
 ODD_BARE = (0.02, 2.5)
-ODD_TOTAL = (0.0025, 1.4)
+ODD_TOTAL = (0.0015, 2.0)
 LEFT_TOTAL = (0.015, 1.7)  # after a repair: a third of a pixel may remain
 MENDED = 0.6  # a repair leaves at most this share of a misfit
-LEAST_MENDED = 0.004  # and takes away at least this much
+LEAST_MENDED = 0.002  # and takes away at least this much
 LARGEST_TURN = 12.0  # degrees: beyond it the repair is a guess
 BINS = 10  # of each colour channel
 LEAST_DIFFERENT = 0.01  # share of the hair that a mirror moves, to judge a mirror
@@ -83,8 +84,9 @@ def find_suspects(
         depths: Depth of the head in each of them, in metres.
         head: The head.
     """
-    shots = [shrink(view, depth) for view, depth in zip(views, depths, strict=True)]
-    found = doubt_outlines(shots, head)
+    pairs = list(zip(views, depths, strict=True))
+    found = doubt_outlines([shrink(*pair, OUTLINE_SIDE) for pair in pairs], head)
+    shots = [shrink(*pair) for pair in pairs]
     sound = [shot for shot in shots if shot.view.name not in {d.view for d in found}]
     # Photographs that are accused already would accuse others.
     found += doubt_hair(sound, head)
@@ -118,12 +120,16 @@ def shrink(
     depth: Float[np.ndarray, "height width"],
     longest_side: int = LONGEST_SIDE,
 ) -> Shot:
-    """Return a photograph and its depths shrunken."""
+    """Return a photograph and its depths shrunken: means of what pixels see."""
     import cv2
 
     small = reduce_view(view, longest_side)
     size = (small.camera.width, small.camera.height)
-    return Shot(small, cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST))
+    seen = np.isfinite(depth)
+    share = cv2.resize(seen.astype(np.float64), size, interpolation=cv2.INTER_AREA)
+    near = np.where(seen, depth, 0.0)
+    near = cv2.resize(near, size, interpolation=cv2.INTER_AREA)
+    return Shot(small, np.where(share > 0.5, near / np.maximum(share, 0.5), np.inf))
 
 
 def flipped(view: View) -> View:
@@ -172,7 +178,7 @@ def judge_outline(
     if not (outside or bare or odd(found.total, typical.total, ODD_TOTAL)):
         return None
     flip = outline_misfit(flipped(view), shot.depth)
-    turned = register(view, head)
+    turned = register(view, shot.depth, head)
     gain = turned.before.total - turned.after.total
     mends = turned.after.total < MENDED * turned.before.total and gain > LEAST_MENDED
     # Mended, it must be as good as the others.

@@ -5,6 +5,8 @@ import pytest
 from ball_hair import ball, camera_at, comb, meridian, photograph
 from scipy.spatial.transform import Rotation
 
+from hairfit.capture import View
+from hairfit.capture.cranium import find_cranium
 from hairfit.capture.orientation import OrientationMap
 from hairfit.fit.agreement import ask_all, disagreement_without, find_candidates
 from hairfit.fit.registration import Misfit, misfit, register, turned_camera
@@ -17,6 +19,7 @@ from hairfit.fit.suspects import (
 )
 from hairfit.fit.trust import mute_clipped, without_suspects
 from hairfit.render import mesh_depth, project_points
+from hairfit.synthetic import make_head
 
 SKIN, HAIR, WALL = (0.5, 0.3, 0.2), (0.1, 0.05, 0.02), (0.3, 0.35, 0.4)
 CULPRIT = 3
@@ -197,6 +200,31 @@ def test_misfits_are_shares_of_the_head():
     assert misfit(head, body, hair) == Misfit(6 / 20, 3 / 20)
 
 
+def test_gaps_between_hair_and_skin_are_the_persons():
+    head = np.ones((40, 40), bool)
+    hair, body = np.zeros_like(head), np.zeros_like(head)
+    hair[:, :15], body[:, 20:] = True, True
+    assert misfit(head, body, hair) == Misfit(0.0, 0.0)
+    body[:, :25] = False
+    assert misfit(head, body, hair) == Misfit(0.0, 10 / 40)
+
+
+def test_a_camera_that_is_off_round_the_head_is_turned_back():
+    head = make_head()
+    middle = find_cranium(head).centre
+    right = camera_at([0.5, 0.1, 0.4], middle, finer=4)
+    body = np.isfinite(mesh_depth(head, right))
+    hair = body & (np.arange(len(body)) < np.nonzero(body)[0].mean())[:, None]
+    turn = np.radians(2.0) * np.array([0.6, 0.8, 0.0])
+    camera = turned_camera(right, middle, turn)
+    view = View("00", camera, np.zeros((*hair.shape, 3)), hair, body & ~hair)
+    found = register(view, mesh_depth(head, camera), head)
+    assert found.about_head
+    rest = np.asarray(found.camera.cam_from_world @ np.linalg.inv(right.cam_from_world))
+    assert np.degrees(Rotation.from_matrix(rest[:3, :3]).magnitude()) < 0.15
+    assert found.after.total < 0.2 * found.before.total
+
+
 def test_a_turned_camera_keeps_the_point_it_is_turned_about():
     camera = camera_at([0.2, 0.1, 0.6])
     point, turn = np.array([0.03, -0.02, 0.05]), np.array([0.02, -0.03, 0.01])
@@ -211,4 +239,4 @@ def test_a_turned_camera_keeps_the_point_it_is_turned_about():
 def test_registering_needs_the_person(shots, head):
     view = dataclasses.replace(shots[0][0], body=None)
     with pytest.raises(ValueError, match="needs the mask of the person"):
-        register(view, head)
+        register(view, shots[1][0], head)
