@@ -3,7 +3,9 @@
 A line of the field is a hair, as far as anybody can tell: one way along it leads to the
 root, the other to the tip, and the tip's is the one that comes farther from the scalp.
 How much farther than where one stands is what counts: towards the root a hair comes
-hardly any, so that most lines are as clear near the scalp as far from it.
+hardly any, so that most lines are as clear near the scalp as far from it. But 3 cm
+farther are a tip for sure: of two ways that both come so far, over a parting, neither
+is the tip's because it comes farther still.
 Lines go astray, over a parting above all, where the field is hardly sure: so what they
 find counts less the more doubt they passed, they say less where they start in doubt,
 and each place takes the mean of what the lines around it say.
@@ -21,9 +23,10 @@ EVERY = 2  # voxels along each axis of which one is the start of a line
 LONGEST = 0.5  # metres, either way
 BLUNTEST = 0.5  # cosine of the sharpest turn that a line takes in a voxel
 STRAIGHT = 0.5  # of the way a line came, against that of the field ahead
-DOUBT = 0.03  # metres of a field that says nothing after which a third is believed
-SAME = 0.003  # metres by which distances from the scalp hardly differ
-AROUND = 0.015  # metres, the Gaussian over which lines agree
+DOUBT = 0.015  # metres of a field that says nothing after which a third is believed
+REACHED = 0.03  # metres farther from the scalp than the start: surely a tip
+SAME = 0.0015  # metres by which such differences hardly differ
+AROUND = 0.018  # metres, the Gaussian over which lines agree
 
 
 def growth_sense(
@@ -47,10 +50,9 @@ def growth_sense(
     distance = np.zeros(hull.grid.shape)
     distance[hull.hair] = away
     ahead, behind = (
-        _farthest(hull, field, distance, start, way * heading) for way in (1.0, -1.0)
+        _farther(hull, field, distance, start, way * heading) for way in (1.0, -1.0)
     )
-    here = away[some]
-    told = (ahead - behind) / (ahead + behind - 2.0 * (here - SAME))
+    told = (ahead - behind) / (ahead + behind + SAME)
     told *= field.anisotropy[hull.hair][some]
     started = np.zeros(hull.grid.shape, bool)
     started[tuple(voxels[some].T)] = True
@@ -74,16 +76,16 @@ def _mean_around(
     return mean / np.maximum(count, 1e-12)
 
 
-def _farthest(
+def _farther(
     hull: Hull,
     field: Field,
     distance: Float[np.ndarray, "x y z"],
     start: Float[np.ndarray, "lines 3"],
     heading: Float[np.ndarray, "lines 3"],
 ) -> Float[np.ndarray, " lines"]:
-    """Return how far lines come from the scalp on one way along a field, in metres.
+    """Return how much farther from the scalp lines come on one way along a field.
 
-    What they find is multiplied by how far the way there can be believed.
+    At most `REACHED`, in metres, times how far the way there can be believed.
 
     Args:
         hull: Lines end where they leave its hair.
@@ -93,7 +95,8 @@ def _farthest(
         heading: The way they set out.
     """
     grid = hull.grid
-    farthest = distance[tuple(grid.voxel(start).T)]
+    here = distance[tuple(grid.voxel(start).T)]
+    farther = np.zeros(len(start))
     point, rows, belief = start, np.arange(len(start)), np.ones(len(start))
     fading = np.exp((field.anisotropy - 1.0) * grid.spacing / DOUBT)
     for _ in range(int(LONGEST / grid.spacing)):
@@ -107,8 +110,9 @@ def _farthest(
         if not on.any():
             break
         rows, point, belief = rows[on], point[on], (belief * fading[at])[on]
-        farthest[rows] = np.maximum(farthest[rows], belief * distance[at][on])
+        gained = np.minimum(distance[at][on] - here[rows], REACHED)
+        farther[rows] = np.maximum(farther[rows], belief * gained)
         heading = unit(
             STRAIGHT * heading[on] + np.sign(cosine[on])[:, None] * along[on]
         )
-    return farthest
+    return farther

@@ -3,7 +3,7 @@ import pytest
 from ball_hair import hull_where
 
 from hairfit.fit.evidence import Field
-from hairfit.fit.sense import SAME, growth_sense
+from hairfit.fit.sense import DOUBT, REACHED, SAME, growth_sense
 
 SPACING = 0.004
 
@@ -45,8 +45,9 @@ def test_a_straight_line_says_how_much_farther_its_tip_is_than_the_place():
     hull = bar(0.1)
     x = hull.grid.centres(hull.hair)[:, 0]
     found = growth_sense(hull, made(hull, along_x(hull)), x)
-    left = x.max() - x
-    assert np.allclose(found, left / (left + 2.0 * SAME), atol=1e-9)
+    left = np.minimum(x.max() - x, REACHED)
+    assert left.min() < 0.5 * REACHED < REACHED == left.max()
+    assert np.allclose(found, left / (left + SAME), atol=1e-9)
 
 
 @pytest.mark.usefixtures("single_lines")
@@ -55,11 +56,11 @@ def test_what_lies_beyond_doubt_counts_as_far_as_the_way_is_believed():
     x = hull.grid.centres(hull.hair)[:, 0]
     field = made(hull, along_x(hull), sure=0.4)
     found = growth_sense(hull, field, x)
-    # All that a line from `here` finds ahead, after the voxels in between.
+    # All that a line from each place finds ahead, after the voxels in between.
     places = np.unique(x)
-    belief = np.exp(-0.6 * np.maximum(places[None] - places[:, None], 0.0) / 0.03)
-    ahead = np.where(places[None] >= places[:, None], belief * places, 0.0).max(axis=1)
-    told = 0.4 * (ahead - places) / (ahead - places + 2.0 * SAME)
+    way = np.maximum(places[None] - places[:, None], 0.0)
+    ahead = (np.exp(-0.6 * way / DOUBT) * np.minimum(way, REACHED)).max(axis=1)
+    told = 0.4 * ahead / (ahead + SAME)
     assert np.allclose(found, told[np.searchsorted(places, x)], atol=1e-9)
 
 
@@ -74,13 +75,13 @@ def test_signs_of_the_field_change_no_sense(seed):
     assert (before >= 0.0).all() and before[away < 0.08].min() > 0.05
 
 
-def arch():
-    """Return hair over a roof that hangs far down at -x, and half as far at +x."""
+def arch(right=0.06):
+    """Return hair over a roof that hangs 12 cm down at -x, and so far at +x."""
 
     def inside(p):
         plate = (np.abs(p[:, 1]) < 0.008) & (np.abs(p[:, 0]) < 0.06)
         curtain = (np.abs(np.abs(p[:, 0]) - 0.052) < 0.008) & (p[:, 1] < 0)
-        lowest = np.where(p[:, 0] < 0, -0.12, -0.06)
+        lowest = np.where(p[:, 0] < 0, -0.12, -right)
         return (plate | curtain & (p[:, 1] > lowest)) & (np.abs(p[:, 2]) < 0.02)
 
     hull = hull_where(inside, [-0.07, -0.13, -0.03], [0.07, 0.02, 0.03], SPACING)
@@ -93,17 +94,28 @@ def arch():
     return hull, centres, along
 
 
-def test_hair_beside_an_unsure_parting_does_not_grow_over_it():
-    hull, centres, along = arch()
+def sense_on_the_right(hull, centres, field):
+    """Return what is said of a strip of an arch's roof, and of which way."""
     place = centres[hull.hair]
     away = np.maximum(0.0, -place[:, 1])
-    right = (np.abs(place[:, 0] - 0.03) < 0.008) & (np.abs(place[:, 1]) < 0.006)
-    # Of a line over the top that nothing parts, the longer end is the tip.
-    over = growth_sense(hull, made(hull, along), away)
-    assert (over[right] < 0.0).all()
+    strip = (np.abs(place[:, 0] - 0.03) < 0.008) & (np.abs(place[:, 1]) < 0.006)
+    return growth_sense(hull, field, away)[strip]
+
+
+def test_of_a_line_over_the_top_no_end_is_the_tip_unless_the_other_is_none():
+    hull, centres, along = arch()
+    over = sense_on_the_right(hull, centres, made(hull, along))
+    assert np.abs(over).max() < 1e-3
+    hull, centres, along = arch(right=0.016)
+    over = sense_on_the_right(hull, centres, made(hull, along))
+    assert over.max() < -0.3
+
+
+def test_hair_beside_an_unsure_parting_does_not_grow_over_it():
+    hull, centres, along = arch()
     parting = np.where(np.abs(centres[..., 0]) < 0.016, 0.02, 1.0)
-    apart = growth_sense(hull, made(hull, along, sure=parting), away)
-    assert (apart[right] > 0.0).all()
+    apart = sense_on_the_right(hull, centres, made(hull, along, sure=parting))
+    assert apart.min() > 0.1
 
 
 def test_tied_hair_grows_along_the_head_to_where_its_tail_leaves():
