@@ -20,7 +20,7 @@ from .agreement import ask_all, disagreement_without, find_candidates
 from .registration import Misfit, Registered, misfit, register
 
 LONGEST_SIDE = 320  # pixels of the shrunken pictures
-OUTLINE_SIDE = 640  # of those whose outlines are compared: hair is hidden in them
+OUTLINE_SIDE = 640  # of those whose outlines are compared
 MOST_ACCUSED = 0.34  # share of the views; where more stand out, the head is wrong
 # A misfit stands out beyond `base + factor * median of the others`, in shares of the
 # head's area. The bases leave room for outlines drawn by hand.
