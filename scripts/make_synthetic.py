@@ -1,4 +1,4 @@
-"""Write the small scenes of `data/synthetic` again, byte for byte.
+"""Write the small scenes of `data/synthetic` again, byte for byte on one processor.
 
 `--check` writes them to a temporary folder and compares.
 """

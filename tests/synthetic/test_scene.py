@@ -127,9 +127,11 @@ def test_the_scene_of_the_repository_comes_out_again(head, tree):
     camera = scene_cameras(points, scene)[3]
     lighting = make_lighting(points, scene.look)
     picture = photograph(points, head, camera, lighting, scene, 3)
-    # The pictures' own bytes: the files' also depend on the machine's zlib.
-    stored = read(kept / "images" / "03.png")[..., ::-1]
-    assert stored.tobytes() == picture.image.tobytes()
+    # XLA fuses multiplications and additions by what the processor has, so the last
+    # bit of a pixel differs between kinds of them: seen in 4 of 10,000 values.
+    stored = read(kept / "images" / "03.png")[..., ::-1].astype(int)
+    off = np.abs(stored - picture.image)
+    assert off.max() <= 1 and (off > 0).mean() < 1e-3
     assert np.array_equal(read(kept / "masks" / "hair" / "03.png") > 0, picture.hair)
     assert np.array_equal(read(kept / "masks" / "body" / "03.png") > 0, picture.body)
 
