@@ -7,8 +7,10 @@ import pathlib
 CACHE = pathlib.Path(__file__).parent.parent / ".jax_cache"
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(CACHE))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
-# As `hairfit.cli.SOONER` does for the command line; the suite takes a quarter less.
+# Most of the suite's time is compilation of programs that run once: those are compiled
+# as `hairfit.cli.SOONER` has it, and not optimised. Either takes a quarter of the time.
 os.environ.setdefault("XLA_FLAGS", "--xla_cpu_use_fusion_emitters=false")
+os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
 
 # Every compiled program maps several pieces of memory, and Linux gives a process 65530.
 MOST_MAPS = 30_000
