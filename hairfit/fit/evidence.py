@@ -25,6 +25,7 @@ from .stubble import find_stubble
 
 DEPTH_SCALE = 0.006  # metres behind the hull's surface where a photograph fades
 SURFACE_WEIGHT = 0.1  # of "hair lies in the surface", against one sharp photograph
+GUESS_WEIGHT = 0.005  # of what is likely where hair curls, against one sharp photograph
 SMOOTHING = 0.3  # of the diffusion, against one voxel of full evidence
 TOLERANCE = 2e-3  # relative residual at which the diffusion stops
 MOST_STEPS = 400
@@ -156,23 +157,33 @@ def _surface_normal(hull: Hull) -> Float[np.ndarray, "voxels 3"]:
     return -uphill(solid)[hull.hair]
 
 
-def diffuse(hull: Hull, evidence: Evidence) -> Field:
+def diffuse(hull: Hull, evidence: Evidence, guess: Field | None = None) -> Field:
     r"""Fill the hull with directions from the evidence, and carry them past its border.
 
     The tensors $T$ of all voxels minimise $w |T - d d^T|^2 + \lambda |\nabla T|^2$;
     conjugate gradients, first on every second voxel, then on all.
+
+    Args:
+        hull: Where hair can be.
+        evidence: What photographs say.
+        guess: What is likely without them, which says a little everywhere.
     """
     index = np.argwhere(hull.hair)
-    target = matrix_entries(evidence.direction)
+    target, weight = matrix_entries(evidence.direction), evidence.weight
+    if guess is not None:
+        known = weight[:, None] * target
+        weight = weight + GUESS_WEIGHT
+        known += GUESS_WEIGHT * matrix_entries(guess.direction[hull.hair])
+        target = known / weight[:, None]
     half, member = np.unique(index // 2, axis=0, return_inverse=True)
     member = member.ravel()
-    weight = np.bincount(member, evidence.weight)
+    total = np.bincount(member, weight)
     mean = np.stack(
-        [np.bincount(member, evidence.weight * target[:, j]) for j in range(6)], axis=1
+        [np.bincount(member, weight * target[:, j]) for j in range(6)], axis=1
     )
-    mean /= np.maximum(weight, 1e-9)[:, None]
-    start = _solve(half, weight / 8, mean, np.zeros_like(mean), 4 * SMOOTHING / 8)
-    tensor = _solve(index, evidence.weight, target, start[member], SMOOTHING)
+    mean /= np.maximum(total, 1e-9)[:, None]
+    start = _solve(half, total / 8, mean, np.zeros_like(mean), 4 * SMOOTHING / 8)
+    tensor = _solve(index, weight, target, start[member], SMOOTHING)
     values, vectors = np.linalg.eigh(_matrix(tensor))
     sure = (values[:, 2] - values[:, 1]) / np.maximum(values[:, 2], 1e-12)
     direction = np.zeros((*hull.grid.shape, 3))

@@ -44,7 +44,11 @@ FULLY = (0.3, 0.03)  # beyond this it ends everywhere alike
 TRAVEL = (0.5, 0.05)  # what tips take leaves about a third after so far
 LINES_COUNT = 64.0  # what a field's lines say of the sense, against the flow
 FARTHEST_SHARE = 0.9  # of the hull lies nearer to the scalp than hair is said to reach
-FALL = 0.4  # how much hair falls that nobody sees, against how much it flows
+# How much hair falls that nobody sees, against how much it flows: hair that stands as
+# high on the crown as it reaches anywhere, and hair that does not.
+STANDS, HANGS = 0.4, 1.0
+LOW, HIGH = 0.65, 0.85  # these heights, against its reach
+CROWN = 0.8  # least cosine between a scalp's normal and straight up on the crown
 GUESSED = 0.5  # its anisotropy
 STEPS = np.array(
     [
@@ -94,20 +98,47 @@ def hair_flow(
     return out[nearest_in(hull.hair)]
 
 
-def fallen(hull: Hull, scalp_points: Float[np.ndarray, "points 3"]) -> Field:
-    """Return the field of hair of which nothing but its outline is known.
+def how_it_falls(
+    hull: Hull,
+    scalp_points: Float[np.ndarray, "points 3"],
+    scalp_normals: Float[np.ndarray, "points 3"],
+) -> float:
+    """Return how much hair falls, against how much it flows, by its outline alone.
 
-    It flows out of the scalp to where the hull lets it end, up or down more easily than
-    aside, and falls a little.
+    Hair of an afro reaches as far up from the crown as to the sides, locks that hang do
+    not: `STANDS` and `HANGS`, and between them what is between.
 
     Args:
         hull: Where hair can be.
         scalp_points: Points all over the scalp where hair grows, in metres.
+        scalp_normals: Unit normals of the scalp there.
+    """
+    away, nearest = KDTree(scalp_points).query(hull.grid.centres(hull.hair))
+    over = scalp_normals[nearest, 1] > CROWN
+    if not over.any():
+        return STANDS
+    height, reach = (np.quantile(one, FARTHEST_SHARE) for one in (away[over], away))
+    share = np.clip((HIGH - height / max(reach, 1e-3)) / (HIGH - LOW), 0.0, 1.0)
+    return float(STANDS + share * (HANGS - STANDS))
+
+
+def fallen(
+    hull: Hull, scalp_points: Float[np.ndarray, "points 3"], fall: float
+) -> Field:
+    """Return the field of hair of which nothing but its outline is known.
+
+    It flows out of the scalp to where the hull lets it end, up or down more easily than
+    aside, and falls.
+
+    Args:
+        hull: Where hair can be.
+        scalp_points: Points all over the scalp where hair grows, in metres.
+        fall: How much it falls, against how much it flows.
     """
     down = np.zeros((*hull.grid.shape, 3))
     down[..., 1] = -1.0
     upright = Field(down, np.zeros(hull.grid.shape))
-    direction = hair_flow(hull, upright, scalp_points) + FALL * down
+    direction = hair_flow(hull, upright, scalp_points) + fall * down
     size = np.linalg.norm(direction, axis=-1, keepdims=True)
     return Field(direction / np.maximum(size, 1e-30), np.full(size.shape[:-1], GUESSED))
 

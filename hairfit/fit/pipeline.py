@@ -43,7 +43,7 @@ from .curls import Curls, points_for, see_curls
 from .density import TEXELS
 from .derive import Derived, derive_hair, with_spare
 from .evidence import Field, diffuse, gather
-from .flow import fallen, hair_flow
+from .flow import HANGS, fallen, hair_flow, how_it_falls
 from .gather import Rooted, gather_strands
 from .grow import GrowConfig, grow
 from .hull import Hull, carve
@@ -395,9 +395,11 @@ def _field(
     if saved is None:
         if curls.told:
             evidence = gather(hull, shots.views, curls.maps, shots.depths)
-            found = diffuse(hull, evidence)
+            guess = fallen(hull, roots.points, HANGS) if curls.radius else None
+            found = diffuse(hull, evidence, guess)
         else:
-            found = fallen(hull, roots.points)
+            fall = how_it_falls(hull, roots.points, roots.normals)
+            found = fallen(hull, roots.points, fall)
         saved = {name: one for name, one in found._asdict().items() if one is not None}
         store.save("field", saved)
     return Field(**saved)

@@ -196,6 +196,19 @@ def test_it_is_the_minimum_of_misfit_and_smoothness(converged):
     assert cosine[clear].min() > 1 - 1e-4
 
 
+def test_a_guess_holds_where_photographs_are_silent_and_nowhere_else():
+    hull = box((60, 3, 3))
+    count = hull.hair.sum()
+    weight = (np.argwhere(hull.hair)[:, 0] < 3).astype(float)
+    guess = diffuse(hull, Evidence(at_angle(100.0, count), np.ones(count)))
+    field = diffuse(hull, Evidence(at_angle(10.0, count), weight), guess)
+    first, last = field.direction[1, 1, 1], field.direction[-2, 1, 1]
+    assert abs(first @ at_angle(10.0, 1)[0]) > 0.999
+    assert abs(last @ at_angle(100.0, 1)[0]) > 0.95
+    alone = diffuse(hull, Evidence(at_angle(10.0, count), weight))
+    assert abs(alone.direction[-2, 1, 1] @ at_angle(10.0, 1)[0]) > 0.999
+
+
 def test_outside_the_hair_the_nearest_direction_holds():
     hull = hull_where(lambda p: p[:, 0] < 0.02, [0] * 3, [0.06, 0.03, 0.03], 0.005)
     count = hull.hair.sum()

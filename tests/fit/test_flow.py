@@ -3,7 +3,15 @@ import pytest
 from ball_hair import hull_where
 
 from hairfit.fit.evidence import Field
-from hairfit.fit.flow import Links, fallen, hair_flow, solve_potential
+from hairfit.fit.flow import (
+    HANGS,
+    STANDS,
+    Links,
+    fallen,
+    hair_flow,
+    how_it_falls,
+    solve_potential,
+)
 
 SPACING = 0.004
 
@@ -135,19 +143,29 @@ def test_lines_turn_the_flow_and_send_no_strand_aside(monkeypatch):
     assert 0.0 < turned.mean() < 0.5
 
 
-def test_hair_of_which_nothing_is_known_grows_out_and_falls():
-    # A ball of hair around a round head.
-    hull = hull_where(
-        lambda p: (
-            (np.linalg.norm(p, axis=1) > 0.05) & (np.linalg.norm(p, axis=1) < 0.1)
-        ),
-        [-0.11] * 3,
-        [0.11] * 3,
-        SPACING,
-    )
+def around_a_head(top: float, side: float, bottom: float):
+    """Return hair around a round head, so high on its crown, so wide, so far down."""
+
+    def inside(p):
+        size = np.array([side, 1.0, side])
+        size = np.where(p[:, 1:2] > 0.0, size + [0, top - 1.0, 0], size)
+        size = np.where(p[:, 1:2] > 0.0, size, size + [0, bottom - 1.0, 0])
+        outside = np.linalg.norm(p, axis=1) > 0.05
+        return outside & (np.linalg.norm(p / size, axis=1) < 1.0)
+
+    return hull_where(inside, [-0.11, -0.21, -0.11], [0.11] * 3, SPACING)
+
+
+def scalp_of_a_round_head():
     out = np.random.default_rng(0).normal(size=(4000, 3))
     out /= np.linalg.norm(out, axis=1, keepdims=True)
-    field = fallen(hull, 0.05 * out)
+    return 0.05 * out, out
+
+
+def test_hair_of_which_nothing_is_known_grows_out_and_falls():
+    hull = around_a_head(0.1, 0.1, 0.1)
+    scalp, _ = scalp_of_a_round_head()
+    field = fallen(hull, scalp, STANDS)
     found = field.direction[hull.hair]
     place = hull.grid.centres(hull.hair)
     place /= np.linalg.norm(place, axis=1, keepdims=True)
@@ -157,3 +175,20 @@ def test_hair_of_which_nothing_is_known_grows_out_and_falls():
     assert np.mean(found[level, 1]) < -0.2
     assert np.mean(found[place[:, 1] < -0.7, 1]) < -0.8
     assert ((field.anisotropy > 0.0) & (field.anisotropy < 1.0)).all()
+    more = fallen(hull, scalp, HANGS).direction[hull.hair]
+    assert np.mean(more[level, 1]) < np.mean(found[level, 1]) - 0.2
+
+
+def test_hair_falls_unless_it_stands_on_the_crown_as_high_as_anywhere():
+    scalp, out = scalp_of_a_round_head()
+    ball = how_it_falls(around_a_head(0.1, 0.1, 0.1), scalp, out)
+    between = how_it_falls(around_a_head(0.08, 0.09, 0.1), scalp, out)
+    hanging = how_it_falls(around_a_head(0.07, 0.09, 0.2), scalp, out)
+    assert ball == STANDS
+    assert STANDS < between < HANGS
+    assert hanging == HANGS
+    # A scalp that has no crown tells nothing.
+    below = out[:, 1] < 0.0
+    assert how_it_falls(around_a_head(0.07, 0.09, 0.2), scalp[below], out[below]) == (
+        STANDS
+    )
