@@ -20,14 +20,13 @@ from hairfit.fit.checkpoint import Checkpoint
 from hairfit.fit.consistency import carve_by_direction
 from hairfit.fit.corners import carve_corners
 from hairfit.fit.curls import see_curls
-from hairfit.fit.evidence import diffuse, gather
-from hairfit.fit.flow import hair_flow
+from hairfit.fit.flow import hair_field, hair_flow
 from hairfit.fit.hull import carve
 from hairfit.fit.pipeline import PRESETS
 from hairfit.fit.shots import orientation_maps, trusted_shots, wrapped_scalp
 from hairfit.fit.trust import mute_clipped
 from hairfit.io.strands import load_strands
-from hairfit.model.scalp import points_on, sample_roots
+from hairfit.model.scalp import normals_on, points_on, sample_roots
 
 RIGHT = np.cos(np.radians(30.0))
 
@@ -68,13 +67,15 @@ def measured(folder: pathlib.Path, names: str, quality: str) -> Shares:
     maps = orientation_maps(shots.trusted.views, store, lambda share: None)
     muted = mute_clipped(shots.trusted.views, maps, shots.doubts)
     maps = [muted[k] for k in shots.used]
-    hull = carve_by_direction(hull, views, maps, depths)
+    allowed, hull = hull, carve_by_direction(hull, views, maps, depths)
     scalp = capture.scalp or wrapped_scalp(shots, head)
     curls = see_curls(hull, views, maps)
     uv = sample_roots(scalp, preset.guides, jax.random.key(0))
-    roots = np.asarray(points_on(scalp, uv), np.float64)
-    hull = bridged(hull, roots, views)
-    field = diffuse(hull, gather(hull, views, curls.maps, depths))
+    roots, normals = (
+        np.asarray(on(scalp, uv), np.float64) for on in (points_on, normals_on)
+    )
+    hull = bridged(hull if curls.told else allowed, roots, views)
+    field = hair_field(hull, views, depths, curls, roots, normals)
     flow = hair_flow(hull, field, roots)
     true = sample_strands_evenly(load_strands(folder / "truth.npz"))
     voxel = hull.grid.voxel(true.points)

@@ -160,8 +160,9 @@ def _surface_normal(hull: Hull) -> Float[np.ndarray, "voxels 3"]:
 def diffuse(hull: Hull, evidence: Evidence, guess: Field | None = None) -> Field:
     r"""Fill the hull with directions from the evidence, and carry them past its border.
 
-    The tensors $T$ of all voxels minimise $w |T - d d^T|^2 + \lambda |\nabla T|^2$;
-    conjugate gradients, first on every second voxel, then on all.
+    The tensors $T$ of all voxels minimise $w |T - d d^T|^2 + \lambda |\nabla T|^2$, and
+    for a guess $g$ also $w_g |T - g g^T|^2$; conjugate gradients, first on every second
+    voxel, then on all.
 
     Args:
         hull: Where hair can be.

@@ -17,6 +17,7 @@ Propagating signs from the scalp along a spanning tree, as Dr.Hair has it [CVPR 
 arXiv 2403.17496], needs no system but decides neighbour by neighbour.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,9 @@ from scipy import sparse
 from scipy.sparse.linalg import cg
 from scipy.spatial import KDTree
 
-from .evidence import Field
+from ..capture.capture import View
+from .curls import Curls
+from .evidence import Field, diffuse, gather
 from .grid import nearest_in, neighbours
 from .hull import Hull
 from .sense import growth_sense
@@ -96,6 +99,33 @@ def hair_flow(
     out = np.zeros((*hull.grid.shape, 3))
     out[hull.hair] = flow
     return out[nearest_in(hull.hair)]
+
+
+def hair_field(
+    hull: Hull,
+    views: Sequence[View],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
+    curls: Curls,
+    scalp_points: Float[np.ndarray, "points 3"],
+    scalp_normals: Float[np.ndarray, "points 3"],
+) -> Field:
+    """Return which way hair runs: what photographs tell, or its outline if they do not.
+
+    Where hair curls, half of what they tell is wrong, and that locks hang joins in.
+
+    Args:
+        hull: Where hair can be.
+        views: The photographs.
+        depths: Depth of the head in each photograph, in metres.
+        curls: How curly the hair is, with the orientation maps of its locks.
+        scalp_points: Points all over the scalp where hair grows, in metres.
+        scalp_normals: Unit normals of the scalp there.
+    """
+    if not curls.told:
+        fall = how_it_falls(hull, scalp_points, scalp_normals)
+        return fallen(hull, scalp_points, fall)
+    guess = fallen(hull, scalp_points, HANGS) if curls.radius > 0.0 else None
+    return diffuse(hull, gather(hull, views, curls.maps, depths), guess)
 
 
 def how_it_falls(

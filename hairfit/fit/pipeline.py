@@ -42,8 +42,8 @@ from .cost import Quality, affordable, refine_until
 from .curls import Curls, points_for, see_curls
 from .density import TEXELS
 from .derive import Derived, derive_hair, with_spare
-from .evidence import Field, diffuse, gather
-from .flow import HANGS, fallen, hair_flow, how_it_falls
+from .evidence import Field
+from .flow import hair_field, hair_flow
 from .gather import Rooted, gather_strands
 from .grow import GrowConfig, grow
 from .hull import Hull, carve
@@ -393,13 +393,8 @@ def _field(
 ) -> Field:
     saved = store.load("field")
     if saved is None:
-        if curls.told:
-            evidence = gather(hull, shots.views, curls.maps, shots.depths)
-            guess = fallen(hull, roots.points, HANGS) if curls.radius else None
-            found = diffuse(hull, evidence, guess)
-        else:
-            fall = how_it_falls(hull, roots.points, roots.normals)
-            found = fallen(hull, roots.points, fall)
+        scalp = roots.points, roots.normals
+        found = hair_field(hull, shots.views, shots.depths, curls, *scalp)
         saved = {name: one for name, one in found._asdict().items() if one is not None}
         store.save("field", saved)
     return Field(**saved)

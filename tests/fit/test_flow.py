@@ -147,9 +147,8 @@ def around_a_head(top: float, side: float, bottom: float):
     """Return hair around a round head, so high on its crown, so wide, so far down."""
 
     def inside(p):
-        size = np.array([side, 1.0, side])
-        size = np.where(p[:, 1:2] > 0.0, size + [0, top - 1.0, 0], size)
-        size = np.where(p[:, 1:2] > 0.0, size, size + [0, bottom - 1.0, 0])
+        size = np.full(p.shape, side)
+        size[:, 1] = np.where(p[:, 1] > 0.0, top, bottom)
         outside = np.linalg.norm(p, axis=1) > 0.05
         return outside & (np.linalg.norm(p / size, axis=1) < 1.0)
 
@@ -189,6 +188,5 @@ def test_hair_falls_unless_it_stands_on_the_crown_as_high_as_anywhere():
     assert hanging == HANGS
     # A scalp that has no crown tells nothing.
     below = out[:, 1] < 0.0
-    assert how_it_falls(around_a_head(0.07, 0.09, 0.2), scalp[below], out[below]) == (
-        STANDS
-    )
+    crownless = scalp[below], out[below]
+    assert how_it_falls(around_a_head(0.07, 0.09, 0.2), *crownless) == STANDS
