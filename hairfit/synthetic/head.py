@@ -13,6 +13,7 @@ FACES = 5000
 CELL = 0.005
 LOW, HIGH = np.array([-0.1, -0.23, -0.13]), np.array([0.1, 0.14, 0.14])
 NECK_END = -0.185
+BLOCK = 8192  # points at a time, so that what lies between stays in the cache
 PROUD = 0.0004  # the patch dips between its control points: keep it off the mesh
 CROWN_TILT = np.radians(22.0)
 
@@ -28,6 +29,16 @@ def head_distance(p: Float[np.ndarray, "*points 3"]) -> Float[np.ndarray, "*poin
     order, which is what keeping hair off the head takes.
     """
     p = np.asarray(p, np.float64)
+    flat = p.reshape(-1, 3)
+    out = np.empty(len(flat))
+    for start in range(0, len(flat), BLOCK):
+        block = slice(start, start + BLOCK)
+        out[block] = _distance(flat[block])
+    return out.reshape(p.shape[:-1])
+
+
+def _distance(p: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+    """Return `head_distance` of points that are few enough to be fast."""
     mirrored = np.concatenate([np.abs(p[..., :1]), p[..., 1:]], -1)
     out = ellipsoid(p, [0.0, 0.036, -0.010], [0.073, 0.086, 0.096])
     out = blend(out, ellipsoid(p, [0.0, -0.025, 0.035], [0.059, 0.080, 0.055]), 0.03)
