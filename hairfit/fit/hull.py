@@ -26,6 +26,7 @@ MOST_VOXELS = 600_000  # beyond this the grid is made coarser
 WITNESSES = 0.25  # share of the views that must see hair there, not the head before it
 MASK_MARGIN = 1  # pixel: a mask's border is known no better
 GAPS = 0.002  # metres: radius of the widest gaps between hairs where skin shows
+PACE = 0.7  # of a voxel: the steps in which rays are followed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -243,22 +244,26 @@ def first_hit(
     y, x = np.nonzero(wanted)
     intrinsic = np.asarray(view.camera.K, np.float64)
     cam = np.asarray(view.camera.cam_from_world, np.float64)
-    pixel = np.stack([(x + 0.5) * step, (y + 0.5) * step, np.ones(len(x))], axis=1)
-    rays = np.linalg.solve(intrinsic, pixel.T).T @ cam[:3, :3]
+    pixel = np.stack([(x + 0.5) * step, (y + 0.5) * step, np.ones(len(x))])
+    rays = cam[:3, :3].T @ np.linalg.solve(intrinsic, pixel)
     eye = -cam[:3, :3].T @ cam[:3, 3]
-    depths = project_points(hull.grid.centres(hull.hair), view.camera).depth
+    seen = project_points(hull.grid.centres(hull.hair), view.camera).depth
     spacing = hull.grid.spacing
-    hit = np.full(len(rays), np.inf)
-    alive = np.arange(len(rays))
-    limit = np.array(hull.grid.shape) - 1
-    for depth in np.arange(
-        max(depths.min(), 0.01) - spacing, depths.max(), 0.7 * spacing
-    ):
-        voxel = hull.grid.voxel(eye + rays[alive] * depth)
-        inside = hull.grid.inside(voxel)
-        struck = inside & hull.hair[tuple(np.clip(voxel, 0, limit).T)]
-        hit[alive[struck]] = depth
-        alive = alive[~struck]
+    depths = np.arange(max(seen.min(), 0.01) - spacing, seen.max(), PACE * spacing)
+    # So many steps are free of hair, from anywhere in a voxel to anywhere in another.
+    clear = (hull.distance / spacing - (np.sqrt(3.0) - 0.5)) / PACE
+    limit = np.array(hull.grid.shape)[:, None] - 1
+    stretch = np.linalg.norm(rays, axis=0)
+    at, hit = np.zeros(len(x), int), np.full(len(x), np.inf)
+    alive = np.arange(len(x))
+    while len(alive):
+        point = eye[:, None] + rays[:, alive] * depths[at[alive]]
+        voxel = np.floor((point - hull.grid.origin[:, None]) / spacing).astype(int)
+        near = np.clip(voxel, 0, limit)
+        struck = hull.hair[tuple(near)] & (near == voxel).all(axis=0)
+        hit[alive[struck]] = depths[at[alive[struck]]]
+        at[alive] += np.maximum(clear[tuple(near)] / stretch[alive], 1.0).astype(int)
+        alive = alive[~struck & (at[alive] < len(depths))]
     out = np.full((rows, columns), np.inf)
     out[y, x] = hit
     return out

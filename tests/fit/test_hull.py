@@ -21,12 +21,15 @@ from hairfit.fit.grid import Grid
 from hairfit.fit.hull import (
     GAPS,
     MASK_MARGIN,
+    PACE,
     allowed_voxels,
     carve,
     first_hit,
+    hull_of,
     without_gaps,
 )
 from hairfit.render import Camera, mesh_depth
+from hairfit.render.picture import points_at
 from hairfit.render.raster import project_points
 
 HAIR, SPACING = 0.11, 0.008  # a ball of hair around the head
@@ -202,6 +205,30 @@ def test_first_hits_are_where_rays_meet_a_ball():
     error = found[facing] - sphere_depth(camera, radius)[facing]
     assert np.abs(error).max() < 2 * spacing
     assert np.abs(np.median(error)) < 0.7 * spacing
+
+
+def test_rays_miss_nothing_where_they_skip_what_is_empty():
+    spacing = 0.008
+    noise = np.random.default_rng(3).normal(size=(30, 30, 30))
+    lumps = ndimage.gaussian_filter(noise, 1.5) > 0.14
+    grid = Grid(np.full(3, -0.12), spacing, lumps.shape)
+    hull = hull_of(grid, lumps, np.full(lumps.shape, 0.02))
+    camera = camera_at([0.2, 0.1, 0.3])
+    everywhere = np.ones((camera.height, camera.width), bool)
+    found = first_hit(hull, view_of(camera, everywhere), step=1)
+    # Every ray, looked at wherever it was asked, one depth after the other.
+    seen = project_points(grid.centres(lumps), camera).depth
+    near, far = seen.min() - spacing, seen.max()
+    expected = np.full(found.shape, np.inf)
+    for depth in np.arange(near, far, PACE * spacing):
+        voxel = grid.voxel(
+            points_at(camera, np.full(found.shape, depth)).reshape(-1, 3)
+        )
+        struck = grid.inside(voxel)
+        struck[struck] = lumps[tuple(voxel[struck].T)]
+        expected[struck.reshape(found.shape) & np.isinf(expected)] = depth
+    assert 0.2 < np.isfinite(found).mean() < 0.9
+    assert np.mean(found == expected) > 0.999  # points on the border of two voxels
 
 
 def test_first_hits_of_blocks_are_those_of_their_middles():
