@@ -18,7 +18,7 @@ from scipy import ndimage
 from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
-from ..render.raster import cells, mapped, project_points
+from ..render.raster import cells, project_points
 from .grid import nearest_in, neighbours, uphill
 from .hull import Hull, first_hit
 from .stubble import find_stubble
@@ -142,10 +142,10 @@ def find_planes(
     fade = np.exp(-((behind / DEPTH_SCALE) ** 2))
     angle = found.angle[y, x]
     inverse = np.linalg.inv(np.asarray(view.camera.K, np.float64))
-    ray = mapped(inverse[:, :2], pixel) + inverse[:, 2]
-    line = mapped(inverse[:, :2], np.column_stack([np.cos(angle), np.sin(angle)]))
+    ray = np.column_stack([pixel, np.ones(len(pixel))]) @ inverse.T
+    line = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
     cam = np.asarray(view.camera.cam_from_world, np.float64)
-    normal = mapped(cam[:3, :3].T, np.cross(ray, line))
+    normal = np.cross(ray, line @ inverse.T) @ cam[:3, :3]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     confidence = np.asarray(found.confidence[y, x], np.float64)
     return Planes(normal, np.where(seen, fade, 0.0), confidence)

@@ -19,7 +19,7 @@ from .lit import (
     rounded_up,
 )
 from .observe import Appearance, Observation, ObserveConfig, observe
-from .raster import mapped, mesh_hits, unit
+from .raster import mesh_hits, unit
 from .scene import Background, Light, Scene, head_places
 from .strand_samples import DepthRange, depths_of, samples_needed
 from .tiles import Tile, background_of, camera_of, tiles
@@ -261,10 +261,12 @@ def points_at(
     """Return the points of the world that a depth picture shows; anything for none."""
     x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     safe = np.where(np.isfinite(depth), depth, 1.0)[..., None]
-    inverse = np.linalg.inv(np.asarray(camera.K, np.float64))
-    ray = mapped(inverse, np.stack([x, y, np.ones_like(x)], -1))
+    ray = (
+        np.stack([x, y, np.ones_like(x)], -1)
+        @ np.linalg.inv(np.asarray(camera.K, np.float64)).T
+    )
     view = np.asarray(camera.cam_from_world, np.float64)
-    return mapped(view[:3, :3].T, safe * ray - view[:3, 3])
+    return (safe * ray - view[:3, 3]) @ view[:3, :3]
 
 
 def barycentric(
