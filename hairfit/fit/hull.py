@@ -245,24 +245,25 @@ def first_hit(
     intrinsic = np.asarray(view.camera.K, np.float64)
     cam = np.asarray(view.camera.cam_from_world, np.float64)
     pixel = np.stack([(x + 0.5) * step, (y + 0.5) * step, np.ones(len(x))])
-    rays = cam[:3, :3].T @ np.linalg.solve(intrinsic, pixel)
+    rays = np.linalg.solve(intrinsic, pixel).T @ cam[:3, :3]
     eye = -cam[:3, :3].T @ cam[:3, 3]
     seen = project_points(hull.grid.centres(hull.hair), view.camera).depth
     spacing = hull.grid.spacing
     depths = np.arange(max(seen.min(), 0.01) - spacing, seen.max(), PACE * spacing)
-    # So many steps are free of hair, from anywhere in a voxel to anywhere in another.
-    clear = (hull.distance / spacing - (np.sqrt(3.0) - 0.5)) / PACE
-    limit = np.array(hull.grid.shape)[:, None] - 1
-    stretch = np.linalg.norm(rays, axis=0)
-    at, hit = np.zeros(len(x), int), np.full(len(x), np.inf)
-    alive = np.arange(len(x))
+    limit = np.array(hull.grid.shape) - 1
+    # No hair is nearer to any point of a voxel than its distance, less so much.
+    around = (np.sqrt(3.0) - 0.5) * spacing
+    pace = PACE * spacing * np.linalg.norm(rays, axis=1)
+    at, hit = np.zeros(len(rays), int), np.full(len(rays), np.inf)
+    alive = np.arange(len(rays))
     while len(alive):
-        point = eye[:, None] + rays[:, alive] * depths[at[alive]]
-        voxel = np.floor((point - hull.grid.origin[:, None]) / spacing).astype(int)
-        near = np.clip(voxel, 0, limit)
-        struck = hull.hair[tuple(near)] & (near == voxel).all(axis=0)
-        hit[alive[struck]] = depths[at[alive[struck]]]
-        at[alive] += np.maximum(clear[tuple(near)] / stretch[alive], 1.0).astype(int)
+        depth = depths[at[alive]]
+        voxel = hull.grid.voxel(eye + rays[alive] * depth[:, None])
+        near = tuple(np.clip(voxel, 0, limit).T)
+        struck = hull.grid.inside(voxel) & hull.hair[near]
+        hit[alive[struck]] = depth[struck]
+        clear = (hull.distance[near] - around) / pace[alive]
+        at[alive] += np.maximum(clear, 1.0).astype(int)
         alive = alive[~struck & (at[alive] < len(depths))]
     out = np.full((rows, columns), np.inf)
     out[y, x] = hit
