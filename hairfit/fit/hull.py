@@ -46,6 +46,16 @@ class Hull:
     distance: Float[np.ndarray, "x y z"]
     head: Float[np.ndarray, "x y z"]
 
+    def distance_at(
+        self, points: Float[np.ndarray, "points 3"]
+    ) -> Float[np.ndarray, " points"]:
+        """Return `distance` at points, linear between voxels, inf beyond the grid."""
+        at = (points - self.grid.origin) / self.grid.spacing - 0.5
+        distance = ndimage.map_coordinates(
+            self.distance, at.T, np.float64, order=1, mode="nearest"
+        )
+        return np.where(self.grid.inside(self.grid.voxel(points)), distance, np.inf)
+
 
 def carve(
     views: Sequence[View],

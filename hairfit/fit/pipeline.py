@@ -64,6 +64,7 @@ from .shots import (
 )
 from .suspects import Doubt
 from .thinning import thinned
+from .tips import with_tips_inside
 from .treeify import (
     STRANDS_A_LEAF,
     TreeifyConfig,
@@ -232,9 +233,14 @@ def fit_capture(
         # As many strands as will be drawn, whose program is there already.
         key, spared = jax.random.key(config.seed), with_spare(config.strands)
         points = points_for(tree, first.curls.radius, STRAND_POINTS)
-        bare = single(even_maps(TEXELS, TEXELS, curl=first.curls.radius))
-        tree = dataclasses.replace(tree, maps=bare)
-        skin = thinned(bare, sample_hair(tree, spared, points, key), first.sights)
+        # Turns of curls may stand out of the hull: their middle lines end in it.
+        skin = single(even_maps(TEXELS, TEXELS))
+        tree = dataclasses.replace(tree, maps=skin)
+        skin = with_tips_inside(skin, sample_hair(tree, spared, points, key), hull)
+        curl = fill(skin.curl, first.curls.radius)
+        skin = dataclasses.replace(skin, curl=curl)
+        tree = dataclasses.replace(tree, maps=skin)
+        skin = thinned(skin, sample_hair(tree, spared, points, key), first.sights)
         tree = round_tree(dataclasses.replace(tree, maps=skin))
         hair = derive_hair(tree, head, config.strands, points, config.seed)
     progress("finding colour and light", 0.98)

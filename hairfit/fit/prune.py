@@ -2,7 +2,6 @@
 
 import numpy as np
 from jaxtyping import Float
-from scipy import ndimage
 
 from ..model.tree import HairTree, leaves, take
 from .hull import Hull
@@ -55,10 +54,7 @@ def lost_share(
 ) -> Float[np.ndarray, " clusters"]:
     """Return the share of each leaf's strands' points that are outside the hull."""
     places = sampled_strands(tree, samples, points, room).reshape(-1, 3)
-    at = (places - hull.grid.origin) / hull.grid.spacing - 0.5
-    distance = ndimage.map_coordinates(hull.distance, at.T, order=1, mode="nearest")
-    beyond = ~hull.grid.inside(hull.grid.voxel(places))
-    share = ((distance > STRAY) | beyond).reshape(-1, points).mean(axis=1)
+    share = (hull.distance_at(places) > STRAY).reshape(-1, points).mean(axis=1)
     owner = np.asarray(samples.owner)
     total = np.bincount(owner, share, minlength=tree.count)
     return total / np.maximum(np.bincount(owner, minlength=tree.count), 1)

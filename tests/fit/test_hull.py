@@ -293,3 +293,16 @@ def test_a_photograph_without_the_head_keeps_its_gaps():
     camera = camera_at([0.0, 0.0, 0.6])
     view = view_of(camera, np.random.default_rng(0).random((128, 128)) > 0.2)
     assert without_gaps(view, np.full((128, 128), np.inf)) is view
+
+
+def test_distances_are_linear_between_voxels_and_infinite_beyond():
+    deep = 0.02
+    hull = hull_where(
+        lambda p: p[:, 1] < deep, [-0.02, 0.0, -0.02], [0.02, 0.04, 0.02], 0.002
+    )
+    heights = np.linspace(0.003, 0.037, 40)
+    points = np.stack([np.full(40, 0.0071), heights, np.full(40, -0.013)], axis=1)
+    assert np.allclose(hull.distance_at(points), heights - deep)
+    assert np.isinf(
+        hull.distance_at(np.array([[0.0, 0.041, 0.0], [0.1, 0.02, 0.0]]))
+    ).all()
