@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from hairfit import InputError
 from hairfit.render import Camera
 from hairfit.render.gl import NoContextError, draw_frames
+from hairfit.render.gl.context import COMPUTE, open_context
 from hairfit.render.gl.solid import Solid, clip_from_world
 from hairfit.render.studio import preview_scene, shown_width, studio_lights
 from hairfit.render.view import camera_view, distant_view, see_all
@@ -81,6 +83,17 @@ def test_without_opengl_a_sentence_says_what_to_install(monkeypatch, bob, camera
     with pytest.raises(NoContextError, match="install Mesa's EGL"):
         draw_frames(preview_scene(bob, None), [camera])
     assert issubclass(NoContextError, InputError)
+
+
+def test_a_driver_that_gives_what_is_asked_for_gives_compute_shaders(monkeypatch):
+    import moderngl
+
+    # NVIDIA's does so; a context of OpenGL 3.3 cannot draw hair.
+    def as_asked(*, require, **_):
+        return SimpleNamespace(version_code=require)
+
+    monkeypatch.setattr(moderngl, "create_standalone_context", as_asked)
+    assert open_context().version_code == COMPUTE == 430
 
 
 def test_opengl_is_imported_when_it_is_needed():
