@@ -101,6 +101,18 @@ def test_tolerances_that_were_edited_stay(tmp_path):
     assert len(complaints({GROUP: {0: {F: 0.3}}}, read_baseline(path))) == 1
 
 
+def test_a_slow_hour_does_not_allow_more_time(tmp_path):
+    path = tmp_path / "baseline.json"
+    fast, slow = {F: 0.5, "seconds": 50.0}, {F: 0.6, "seconds": 80.0}
+    for took in (fast, slow):
+        write_baseline(path, {GROUP: {0: took}}, "a machine")
+    assert baseline_runs(read_baseline(path))[GROUP][0] == {F: 0.6, "seconds": 50.0}
+    write_baseline(path, {GROUP: {0: fast | {"seconds": 40.0}}}, "a machine")
+    assert baseline_runs(read_baseline(path))[GROUP][0]["seconds"] == 40.0
+    write_baseline(path, {GROUP: {0: slow}}, "another machine")
+    assert baseline_runs(read_baseline(path))[GROUP][0]["seconds"] == 80.0
+
+
 @pytest.mark.parametrize("wrong", [{"sink": 1.0}, {}, {"fall": 1.0, "rise": 1.0}])
 def test_a_tolerance_that_means_nothing_is_refused(tmp_path, wrong):
     path = tmp_path / "baseline.json"
