@@ -16,7 +16,7 @@ from hairfit.io.strands import save_strands
 from hairfit.io.tree import save_tree
 from hairfit.model.maps import even_maps
 from hairfit.render.gl import NoContextError
-from hairfit.render.gl.context import open_context
+from hairfit.render.gl.context import COMPUTE, open_context
 from hairfit.report.result import FORMAT, write_report
 from hairfit.synthetic import make_head, make_scalp, make_style
 from hairfit.types import Strands
@@ -31,7 +31,10 @@ def opengl():
         context = open_context()
     except NoContextError as error:
         pytest.skip(f"OpenGL is needed here: {error}")
+    version = context.version_code
     context.release()
+    if version < COMPUTE:
+        pytest.skip(f"OpenGL 4.3 is needed here, this is {version}.")
 
 
 @pytest.fixture

@@ -12,6 +12,8 @@ from ...errors import InputError
 GROUP = 128
 # Compute shaders and storage buffers came with OpenGL 4.3.
 COMPUTE = 430
+# What the thesis's own passes need.
+OLDEST = 330
 
 
 class NoContextError(InputError):
@@ -21,22 +23,24 @@ class NoContextError(InputError):
 def open_context() -> Any:
     """Return an OpenGL context without a window, or say how to get one.
 
-    NVIDIA's driver makes one of the version that is asked for, and no newer one.
+    NVIDIA's driver makes one of the version that is asked for, and no newer one. A driver
+    without compute shaders gives one for the thesis's passes.
     """
     import sys
 
     import moderngl
 
-    options: Any = {"require": COMPUTE}
-    if sys.platform.startswith("linux"):
-        options["backend"] = "egl"
+    options: Any = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
-        return moderngl.create_standalone_context(**options)
-    except Exception as error:  # the type is each driver's own
+        try:
+            return moderngl.create_standalone_context(require=COMPUTE, **options)
+        except Exception:  # the type is each driver's own
+            return moderngl.create_standalone_context(require=OLDEST, **options)
+    except Exception as error:
         raise NoContextError(
-            f"no OpenGL 4.3 context without a window could be made ({error}); "
+            f"no OpenGL context without a window could be made ({error}); "
             "install Mesa's EGL (on Debian or Ubuntu: `apt-get install libegl1 "
-            "libgl1-mesa-dri`), or a newer driver."
+            "libgl1-mesa-dri`)."
         ) from error
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hairfit.render.gl import NoContextError
-from hairfit.render.gl.context import open_context
+from hairfit.render.gl.context import COMPUTE, open_context
 
 
 @pytest.fixture(scope="module")
@@ -13,6 +13,8 @@ def context():
         context = open_context()
     except NoContextError as error:
         pytest.skip(f"OpenGL is needed here: {error}")
+    if context.version_code < COMPUTE:
+        pytest.skip(f"OpenGL 4.3 is needed here, this is {context.version_code}.")
     yield context
     context.release()
 

@@ -96,6 +96,18 @@ def test_a_driver_that_gives_what_is_asked_for_gives_compute_shaders(monkeypatch
     assert open_context().version_code == COMPUTE == 430
 
 
+def test_an_older_driver_gives_what_it_has(monkeypatch):
+    import moderngl
+
+    def old(*, require, **_):
+        if require > 410:
+            raise ValueError("no such version")
+        return SimpleNamespace(version_code=410)
+
+    monkeypatch.setattr(moderngl, "create_standalone_context", old)
+    assert open_context().version_code == 410
+
+
 def test_opengl_is_imported_when_it_is_needed():
     code = "import sys, hairfit.render.gl; print('moderngl' in sys.modules)"
     done = subprocess.run(
