@@ -23,8 +23,8 @@ class NoContextError(InputError):
 def open_context() -> Any:
     """Return an OpenGL context without a window, or say how to get one.
 
-    NVIDIA's driver makes one of the version that is asked for, and no newer one. A driver
-    without compute shaders gives one for the thesis's passes.
+    NVIDIA's driver makes one of the version that is asked for, and no newer one. A
+    driver without compute shaders gives one for the thesis's passes.
     """
     import sys
 
