@@ -423,6 +423,16 @@ def main(args: Sequence[str] | None = None) -> int:
         return 141
 
 
+def run() -> None:
+    """Obey the words of the process, and end it.
+
+    Python would take apart what the system takes back at once: 2 s after a fit.
+    """
+    status = main()
+    sys.stderr.flush()
+    os._exit(status)
+
+
 def obey(args: Sequence[str] | None) -> int:
     """Run one command, and return its exit status; help raises `SystemExit`."""
     # What is compiled once stays compiled, small programs as well: there are many.

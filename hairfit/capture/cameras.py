@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Shaped
 
 from ..errors import InputError
+from ..host import on_device
 from ..render.camera import Camera
 from ..render.raster import project_points
 from .photos import stem
@@ -82,7 +82,7 @@ def parse_entry(entry: Any, path: Path) -> CameraEntry:
         )
     check_intrinsics(K, where)
     check_pose(cam_from_world, where)
-    camera = Camera(jnp.asarray(K), jnp.asarray(cam_from_world), width, height)
+    camera = Camera(on_device(K), on_device(cam_from_world), width, height)
     distortion = parse_distortion(entry.get("distortion"), where)
     return CameraEntry(stem(entry["name"]), camera, distortion)
 

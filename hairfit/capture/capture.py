@@ -6,13 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ..errors import InputError
 from ..model.scalp import Scalp
-from ..render.camera import Camera
+from ..render.camera import Camera, resized
 from ..types import Mesh
 from .cameras import CameraEntry, check_gaze, read_cameras, undistort
 from .head import check_scalp, load_head
@@ -179,11 +178,9 @@ def reduce_view(view: View, longest_side: int) -> View:
     def reduce(pixels: np.ndarray) -> np.ndarray:
         return cv2.resize(pixels.astype(np.float32), size, interpolation=cv2.INTER_AREA)
 
-    scale = jnp.array([[size[0] / old[0]], [size[1] / old[1]], [1.0]])
-    camera = Camera(view.camera.K * scale, view.camera.cam_from_world, *size)
     return View(
         view.name,
-        camera,
+        resized(view.camera, *size),
         reduce(view.image),
         reduce(view.hair) > 0.5,
         None if view.body is None else reduce(view.body) > 0.5,

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy import ndimage
 
+from ..host import on_device
 from ..model.curve import catmull_rom_weights
 from ..model.scalp import SIDE, Scalp
 from ..render.raster import cells, project_points
@@ -40,7 +40,7 @@ class SeenHead(NamedTuple):
 @functools.cache
 def cap_weights() -> Float[np.ndarray, "samples 13"]:
     """Return how a patch's control points weigh at the samples of its cap."""
-    share = jnp.asarray(np.linspace(0.0, 1.0, SAMPLES))
+    share = on_device(np.linspace(0.0, 1.0, SAMPLES))
     weights = jax.jit(catmull_rom_weights, static_argnums=0)(SIDE, share)
     return np.asarray(weights, np.float64)
 
@@ -75,7 +75,7 @@ def wrap_scalp(head: Mesh, seen: Sequence[SeenHead] = ()) -> Scalp:
         surface = np.einsum("pi,ijc,qj->pqc", weights, control, weights).reshape(-1, 3)
         depth = -signed_distance(head, surface)
         lift += np.clip(depth, -0.002, 0.01)
-    return Scalp(jnp.asarray(control))
+    return Scalp(on_device(control))
 
 
 def _square_to_cap(

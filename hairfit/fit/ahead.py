@@ -10,18 +10,20 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 from numpy.typing import DTypeLike
 
 from ..capture.scalp_wrap import cap_weights
+from ..host import on_device
 from ..model.collide import DistanceField
 from ..model.contour import ANGLES
-from ..model.cylinder import GeneralizedCylinder, together
+from ..model.cylinder import GeneralizedCylinder, frames_of, together
+from ..model.maps import even_maps, keep_roots
 from ..model.scalp import SIDE, Scalp, normals_on, points_on, sample_roots
-from ..model.strand import grow
+from ..model.strand import ROUNDS, grow
 from ..model.tree import Clusters, ScalpContour
+from .density import TEXELS
 from .devices import BY_BOTH, BY_VIEW, EVERYWHERE, device_mesh, put
 from .refine import (
     Found,
@@ -76,7 +78,7 @@ def compiling_ahead() -> Iterator[Callable[..., None]]:
 
 def compile_growth(guides: int, others: Sequence[int]) -> None:
     """Sample roots of so many guides, and others, on no scalp; weigh its cap."""
-    scalp = Scalp(jnp.asarray(np.zeros((SIDE, SIDE, 3))))
+    scalp = Scalp(on_device(np.zeros((SIDE, SIDE, 3))))
     key = jax.random.key(0)
     uv = sample_roots(scalp, guides, key)
     points_on(scalp, uv)
@@ -106,15 +108,21 @@ def compile_refinement(shapes: Shapes, config: RefineConfig) -> None:
 
 
 def compile_strands(clusters: int, knots: int, count: int, points: int) -> None:
-    """Grow so many strands of a tree of about so many clusters, on no scalp."""
+    """Grow so many strands of a tree of about so many clusters, on no scalp.
+
+    And what goes before: the frames of clusters, and which roots a map lets grow.
+    """
     parts = Scalp(zeros(SIDE, SIDE, 3)), *empty_clusters(together(clusters), knots)
     roots = zeros(count, 2), zeros(count, dtype=np.int32), zeros(count)
     grow(*parts, *roots, points, None)
+    frames_of(parts[-1])
+    key, *_ = jax.random.split(jax.random.key(0), ROUNDS + 1)
+    keep_roots(even_maps(TEXELS, TEXELS), zeros(count, 2), key)
 
 
 def zeros(*shape: int, dtype: DTypeLike = np.float32) -> Array:
     """Return zeros that nothing had to be compiled for."""
-    return jnp.asarray(np.zeros(shape, dtype))
+    return on_device(np.zeros(shape, dtype))
 
 
 def empty_clusters(count: int, knots: int) -> Clusters:

@@ -19,6 +19,7 @@ from ..abreast import abreast
 from ..capture.capture import View
 from ..evaluate.coverage import narrowest_width
 from ..evaluate.visibility import Sight
+from ..host import on_device
 from ..render.lights import DistantLight
 from ..render.lit import head_radiance, light_at, number
 from ..render.raster import cells, project_points, rasterise, unit
@@ -191,10 +192,10 @@ def light_pixels(
     at = np.concatenate(places)
     if len(at) < FEWEST:
         return None
-    lights = tuple(DistantLight(jnp.asarray(way), jnp.ones(3)) for way in ways)
+    lights = tuple(DistantLight(on_device(way), jnp.ones(3)) for way in ways)
     share = np.asarray(light_at(at, scene, lights).radiance)[..., 0].T
     given = unit(np.concatenate(tangents)), ways, unit(np.concatenate(eyes))
-    sent = _sent(*(jnp.asarray(part, number()) for part in given))
+    sent = _sent(*(on_device(part, number()) for part in given))
     diffuse, mirror = (np.asarray(part, np.float64) for part in sent)
     return Lit(
         np.concatenate(seen), np.concatenate(view), share * diffuse, mirror, share

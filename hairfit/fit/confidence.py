@@ -20,6 +20,7 @@ from jaxtyping import Float
 from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
+from ..host import on_device
 from ..model.certainty import TreeConfidence
 from ..model.cylinder import frames_of
 from ..model.tree import HairTree, leaves, levels
@@ -176,7 +177,7 @@ def solve(
         mean_of_leaves(tree, values) for values in (errors.position, angle, share)
     )
     found = np.sqrt(position), np.sqrt(angle), np.clip(share, 0.0, 1.0)
-    return TreeConfidence(*(jnp.asarray(values, jnp.float32) for values in found))
+    return TreeConfidence(*(on_device(values, jnp.float32) for values in found))
 
 
 def across(tree: HairTree) -> Float[np.ndarray, "clusters knots 3 2"]:

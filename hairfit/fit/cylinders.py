@@ -10,6 +10,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float, Int
 
+from ..host import on_device
 from ..model.cylinder import GeneralizedCylinder, cylinder_frames, frames_of
 from ..model.section import with_section_maps
 from ..model.strand import strand_knots
@@ -192,17 +193,17 @@ def cylinders_along(
     radius = np.asarray(contour.radius) * metric
     offset = np.asarray(contour.offset) * metric[:, None]
     plain = jax.vmap(GeneralizedCylinder)(
-        jnp.asarray(skeleton),
-        jnp.asarray(normal),
-        jnp.tile(jnp.asarray(radius)[:, None], (1, knots)),
-        jnp.tile(jnp.asarray(offset)[:, None], (1, knots, 1)),
+        on_device(skeleton),
+        on_device(normal),
+        jnp.tile(on_device(radius)[:, None], (1, knots)),
+        jnp.tile(on_device(offset)[:, None], (1, knots, 1)),
         jnp.ones((count, knots, 2)),
         jnp.zeros((count, knots)),
         jnp.zeros((count, knots)),
     )
     frames = frames_of(plain)
     across = np.stack([np.asarray(frames.normal), np.asarray(frames.binormal)], axis=2)
-    sections = jnp.asarray(np.einsum("gkij,gkjl->gkil", across, maps))
+    sections = on_device(np.einsum("gkij,gkjl->gkil", across, maps))
     return _with_sections(plain, sections.astype(plain.scale.dtype))
 
 

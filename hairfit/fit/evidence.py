@@ -18,6 +18,7 @@ from scipy import ndimage
 from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
+from ..host import on_device
 from ..render.raster import cells, project_points
 from .grid import nearest_in, neighbours, uphill
 from .hull import Hull, first_hit
@@ -226,10 +227,10 @@ def _solve(
 
     def padded(values):
         values = values.reshape(len(index), -1)
-        return jnp.asarray(np.pad(values, ((0, spare), (0, 0))), jnp.float32)
+        return on_device(np.pad(values, ((0, spare), (0, 0))), jnp.float32)
 
     solution = _conjugate_gradients(
-        jnp.asarray(around, jnp.int32),
+        on_device(around, jnp.int32),
         padded(weight),
         padded(target),
         padded(start),

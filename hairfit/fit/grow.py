@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy import ndimage
 
+from ..host import on_device
 from ..model.vector import unit
 from ..types import resample_paths
 from .evidence import Field
@@ -86,7 +87,7 @@ def grow(
     parts = [field.direction, field.anisotropy[..., None], flow, stubble[..., None]]
     lines = np.concatenate(parts, axis=-1)
     space = [
-        jnp.asarray(one, jnp.float32)
+        on_device(one, jnp.float32)
         for one in (channels, lines, hull.grid.origin, spacing)
     ]
     # So many at once, or each number of strands would be compiled anew.
@@ -96,7 +97,7 @@ def grow(
         for one in (roots, normals)
     )
     paths = [
-        np.asarray(_trace(*space, jnp.asarray(start), jnp.asarray(outward), config))
+        np.asarray(_trace(*space, on_device(start), on_device(outward), config))
         for start, outward in zip(starts, outwards, strict=True)
     ]
     path = np.concatenate(paths, axis=1)[:, : len(roots)].astype(np.float64)

@@ -17,6 +17,7 @@ from ..capture.orientation import OrientationMap
 from ..errors import InputError
 from ..evaluate.shape import strand_lengths
 from ..evaluate.visibility import Sight, even_strands
+from ..host import on_device
 from ..io.tree import load_tree, round_tree, save_tree
 from ..model.maps import ScalpMaps, even_maps, fill
 from ..model.ownership import find_owner
@@ -237,8 +238,7 @@ def fit_capture(
         skin = single(even_maps(TEXELS, TEXELS))
         tree = dataclasses.replace(tree, maps=skin)
         skin = with_tips_inside(skin, sample_hair(tree, spared, points, key), hull)
-        curl = fill(skin.curl, first.curls.radius)
-        skin = dataclasses.replace(skin, curl=curl)
+        skin = dataclasses.replace(skin, curl=fill(skin.curl, first.curls.radius))
         tree = dataclasses.replace(tree, maps=skin)
         skin = thinned(skin, sample_hair(tree, spared, points, key), first.sights)
         tree = round_tree(dataclasses.replace(tree, maps=skin))
@@ -448,7 +448,7 @@ def _tree(
     saved = store.load("cylinders")
     if saved is not None:
         return load_tree(store.path("tree.hairtree")), float(saved["error"])
-    ground = np.asarray(on_scalp(scalp, jnp.asarray(uv, scalp.control.dtype)).slope)
+    ground = np.asarray(on_scalp(scalp, on_device(uv, scalp.control.dtype)).slope)
     rooted = Rooted(uv, strands, np.asarray(ground, np.float64))
     gathering = TreeifyConfig(
         preset.leaves, preset.levels, preset.knots, seed=config.seed
@@ -486,7 +486,7 @@ Module = TypeVar("Module", HairTree, ScalpMaps)
 
 def single(module: Module) -> Module:
     """Return a module in single precision, as trees of fits are."""
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), module)
+    return jax.tree.map(lambda leaf: on_device(leaf, jnp.float32), module)
 
 
 def _samples(tree: HairTree, preset: Preset, config: FitConfig) -> Samples:
@@ -497,4 +497,4 @@ def _samples(tree: HairTree, preset: Preset, config: FitConfig) -> Samples:
     held = owner >= 0
     # A constant size, or every capture would be compiled anew.
     index = np.resize(np.flatnonzero(held), len(uv))
-    return Samples(jnp.asarray(uv[index], jnp.float32), jnp.asarray(owner[index]))
+    return Samples(on_device(uv[index], jnp.float32), on_device(owner[index]))

@@ -19,6 +19,7 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float, Int
 
 from ..capture.capture import View
+from ..host import on_device
 from ..model.cylinder import GeneralizedCylinder, cylinder_frames
 from ..model.detail import contours_around
 from ..model.tree import HairTree, depths_of, filled
@@ -153,18 +154,18 @@ def refine(
     views, depths, maps = photographs
     spare = max(0, room - tree.count)
     depth = depths_of(tree.parent)
-    level = jnp.asarray(np.pad(depth, (0, spare), constant_values=-1), jnp.int32)
+    level = on_device(np.pad(depth, (0, spare), constant_values=-1), jnp.int32)
     clusters = filled(tree, room)
     placed = place(tree.scalp, clusters, samples)
     problem = Problem(clusters.cylinder, level, placed, maps, volume)
     mesh = device_mesh(len(views), len(samples.owner))
     problem = shared_out(problem, mesh)
-    steps = jnp.asarray(config.steps, jnp.int32)
+    steps = on_device(config.steps, jnp.int32)
     count = int(depth.max()) + 1
     done = 0
     for at in range(count):
         above = [*ancestors(tree.parent, at), *range(tree.count, tree.count + spare)]
-        turn = Turn(jnp.asarray(at, jnp.int32), jnp.asarray(above, jnp.int32))
+        turn = Turn(on_device(at, jnp.int32), on_device(above, jnp.int32))
         moves = still(problem.cylinder)
         before = grow_placed(problem.cylinder, problem.placed, config.points)
         current = move(problem, moves, turn)
@@ -173,7 +174,7 @@ def refine(
                 break
             strands = np.asarray(grow_placed(current, problem.placed, config.points))
             found = Found(
-                put(mesh, jnp.asarray(seen_segments(strands, views, depths)), BY_BOTH),
+                put(mesh, on_device(seen_segments(strands, views, depths)), BY_BOTH),
                 put(mesh, find_pulls(strands, views, depths, done), BY_VIEW),
                 put(mesh, find_gaps(strands, places, done), EVERYWHERE),
             )
@@ -183,7 +184,7 @@ def refine(
             progress(done / (count * config.rounds))
         problem = problem._replace(cylinder=current)
     refined = jax.tree.map(
-        lambda leaf: jnp.asarray(np.asarray(leaf)[: tree.count]), problem.cylinder
+        lambda leaf: on_device(np.asarray(leaf)[: tree.count]), problem.cylinder
     )
     return eqx.tree_at(lambda t: t.cylinder, tree, refined)
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import ndimage, signal
+from scipy import fft, ndimage
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -244,7 +244,12 @@ def _best_shift(
     """Return the turn in pixels, about x and y, that lays the head over the person."""
     # Outside of the picture anything may be: zeros.
     wanted = body.astype(float) - (~body & ~hair)
-    score = signal.fftconvolve(wanted, head[::-1, ::-1].astype(float))
+    # The convolution with the mirrored head; `scipy.signal` takes 0.4 s to import.
+    full = [2 * edge - 1 for edge in wanted.shape]
+    size = [fft.next_fast_len(edge, real=True) for edge in full]
+    parts = (wanted, head[::-1, ::-1].astype(float))
+    one, other = (fft.rfft2(part, size) for part in parts)
+    score = fft.irfft2(one * other, size)[: full[0], : full[1]]
     row, column = np.unravel_index(np.argmax(score), score.shape)
     down, right = float(row) - (head.shape[0] - 1), float(column) - (head.shape[1] - 1)
     return np.array([-down, right, 0.0])

@@ -17,6 +17,7 @@ from scipy.spatial import KDTree
 from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
+from ..host import on_device
 from ..render.camera import Camera
 from ..render.raster import cells, project_points, rasterise, visible_points
 from .devices import BY_BOTH, BY_STRAND, BY_VIEW, EVERYWHERE, STRANDS, VIEWS
@@ -78,12 +79,12 @@ def photo_maps(
     intrinsic = np.stack([shrink @ np.asarray(v.camera.K) for v in views])
     poses = np.stack([np.asarray(v.camera.cam_from_world) for v in views])
     return PhotoMaps(
-        jnp.asarray(np.stack(doubled)),
-        jnp.asarray(np.stack(outside)),
-        jnp.asarray(np.stack([padded(d, np.inf) for d in depths])),
-        jnp.asarray(intrinsic, jnp.float32),
-        jnp.asarray(poses, jnp.float32),
-        jnp.asarray(intrinsic[:, 0, 0] * SHRINK, jnp.float32),
+        on_device(np.stack(doubled)),
+        on_device(np.stack(outside)),
+        on_device(np.stack([padded(d, np.inf) for d in depths])),
+        on_device(intrinsic, jnp.float32),
+        on_device(poses, jnp.float32),
+        on_device(intrinsic[:, 0, 0] * SHRINK, jnp.float32),
     )
 
 
@@ -267,10 +268,10 @@ def find_pulls(
     found = abreast(pulls_of, views, depths, probes)
     strand, point, pixel, share = zip(*found, strict=True)
     return Pulls(
-        jnp.asarray(np.stack(strand), jnp.int32),
-        jnp.asarray(np.stack(point), jnp.int32),
-        jnp.asarray(np.stack(pixel), jnp.float32),
-        jnp.asarray(np.stack(share), jnp.float32),
+        on_device(np.stack(strand), jnp.int32),
+        on_device(np.stack(point), jnp.int32),
+        on_device(np.stack(pixel), jnp.float32),
+        on_device(np.stack(share), jnp.float32),
     )
 
 

@@ -6,11 +6,11 @@ leave it, for every strand that may grow there.
 """
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy import ndimage
 
+from ..host import on_device
 from ..model.maps import ScalpMaps
 from ..model.strand import Hair
 from .density import spread
@@ -44,7 +44,7 @@ def with_tips_inside(maps: ScalpMaps, hair: Hair, hull: Hull) -> ScalpMaps:
         for x in (spread(uv), spread(uv, share**POWER))
     )
     mean = np.where(count > 0.0, asked / np.maximum(count, 1e-30), 1.0)
-    length = jnp.asarray(mean ** (1.0 / POWER), maps.length.dtype)
+    length = on_device(mean ** (1.0 / POWER), maps.length.dtype)
     return eqx.tree_at(lambda m: m.length, maps, length)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..errors import InputError
+from ..host import on_device
 from ..model.cylinder import GeneralizedCylinder
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp, scalp_point, scalp_tangents
@@ -248,9 +249,9 @@ def fit_levels(scalp: Scalp, rooted: Rooted, levels: Levels, steps: int) -> Fitt
     if not steps:
         return FittedTree(tree, error, "")
     members = Members(
-        jnp.asarray(np.tile(rooted.uv, (len(levels.label), 1)), kind),
-        jnp.asarray(levels.label.ravel(), jnp.int32),
-        jnp.asarray(np.tile(rooted.knots, (len(levels.label), 1, 1)), kind),
+        on_device(np.tile(rooted.uv, (len(levels.label), 1)), kind),
+        on_device(levels.label.ravel(), jnp.int32),
+        on_device(np.tile(rooted.knots, (len(levels.label), 1, 1)), kind),
     )
     found = refine_cylinders(tree, members, steps)
     closer = distance(found.tree, rooted, leaf)

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.spatial import KDTree
 
+from ..host import on_device
 from ..model.collide import DistanceField
 from .evidence import Field, matrix_entries
 from .grid import trilinear_many
@@ -62,7 +63,7 @@ def hair_volume(hull: Hull, field: Field) -> HairVolume:
     """Return what the losses need of a hull and its field."""
     tensor = matrix_entries(field.direction.reshape(-1, 3))
     tensor = tensor.reshape(*hull.grid.shape, 6) * field.anisotropy[..., None]
-    return HairVolume(head_field(hull), jnp.asarray(roomy(tensor), jnp.float32))
+    return HairVolume(head_field(hull), on_device(roomy(tensor), jnp.float32))
 
 
 def roomy(values: Float[np.ndarray, "x y z *c"]) -> Float[np.ndarray, "_ _ _ *c"]:
@@ -89,9 +90,9 @@ def inner_places(hull: Hull) -> Float[np.ndarray, "places 3"]:
 def head_field(hull: Hull) -> DistanceField:
     """Return the head's distance field of a hull."""
     return DistanceField(
-        jnp.asarray(hull.grid.origin, jnp.float32),
-        jnp.asarray(hull.grid.spacing, jnp.float32),
-        jnp.asarray(roomy(hull.head), jnp.float32),
+        on_device(hull.grid.origin, jnp.float32),
+        on_device(hull.grid.spacing, jnp.float32),
+        on_device(roomy(hull.head), jnp.float32),
     )
 
 
@@ -148,10 +149,10 @@ def find_gaps(
     point = point_of(index % knots, FINER)
     spare = DRAWN - len(empty)
     return Gaps(
-        jnp.asarray(np.pad(index // knots, (0, spare)), jnp.int32),
-        jnp.asarray(np.pad(point, (0, spare)), jnp.int32),
-        jnp.asarray(np.pad(places[empty], ((0, spare), (0, 0))), jnp.float32),
-        jnp.asarray(
+        on_device(np.pad(index // knots, (0, spare)), jnp.int32),
+        on_device(np.pad(point, (0, spare)), jnp.int32),
+        on_device(np.pad(places[empty], ((0, spare), (0, 0))), jnp.float32),
+        on_device(
             np.pad(np.full(len(empty), 1.0 / max(count, 1)), (0, spare)), jnp.float32
         ),
     )

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..host import on_device
 from ..model.cylinder import cylinder_frames
 from ..model.strand import strand_knots
 from ..model.tree import HairTree
@@ -38,9 +39,9 @@ def wisp_residuals(
         rest = _residuals(
             tree.contour,
             tree.cylinder,
-            jnp.asarray(rooted.uv[some], kind),
-            jnp.asarray(owner[some], jnp.int32),
-            jnp.asarray(rooted.knots[some], kind),
+            on_device(rooted.uv[some], kind),
+            on_device(owner[some], jnp.int32),
+            on_device(rooted.knots[some], kind),
         )
         found.append(np.asarray(rest, np.float64))
     return np.concatenate(found)

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..errors import InputError
+from ..host import on_device
 from ..model.certainty import TreeConfidence
 from ..model.cylinder import GeneralizedCylinder
 from ..model.maps import ScalpMaps
@@ -308,7 +309,7 @@ def build_tree(arrays: dict[str, np.ndarray], header: dict[str, Any]) -> HairTre
 
     def part(group: str) -> dict[str, Any]:
         names = [name for name in arrays if name.startswith(group + "/")]
-        return {name.split("/")[1]: jnp.asarray(arrays[name]) for name in names}
+        return {name.split("/")[1]: on_device(arrays[name]) for name in names}
 
     wisps = maps = confidence = None
     if "wisps" in header:
@@ -325,7 +326,7 @@ def build_tree(arrays: dict[str, np.ndarray], header: dict[str, Any]) -> HairTre
         scalp=Scalp(**part("scalp")),
         contour=jax.vmap(lambda one: ScalpContour(**one))(part("contour")),
         cylinder=jax.vmap(lambda one: GeneralizedCylinder(**one))(part("cylinder")),
-        length_variation=jnp.asarray(arrays["length_variation"]),
+        length_variation=on_device(arrays["length_variation"]),
         parent=tuple(header["parent"]),
         wisps=wisps,
         maps=maps,

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, ScalarLike
 
+from ..host import on_device
 from .tree import HairTree
 
 # Steps of one round, and of the next one for what is not yet out. Most points take two,
@@ -93,7 +94,7 @@ def sample_field(
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     found = np.asarray(distance(grid.reshape(-1, 3)), np.float64)
     return DistanceField(
-        jnp.asarray(low), jnp.asarray(float(cell)), jnp.asarray(found.reshape(count))
+        on_device(low), on_device(float(cell)), on_device(found.reshape(count))
     )
 
 

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
+from ..host import on_device
 from .contour import contour_radius
 from .curve import EXACT, catmull_rom_weights, linear_weights
 from .frame import Frames, rotation_minimising_frames
@@ -91,8 +92,8 @@ def frames_of(cylinder: GeneralizedCylinder) -> Frames:
         np.pad(np.asarray(x), [(0, spare), *[(0, 0)] * (x.ndim - 1)], mode="edge")
         for x in (cylinder.skeleton, cylinder.normal)
     )
-    found = _stacked_frames(*map(jnp.asarray, given))
-    return Frames(*(jnp.asarray(np.asarray(leaf)[:count]) for leaf in found))
+    found = _stacked_frames(*map(on_device, given))
+    return Frames(*(on_device(np.asarray(leaf)[:count]) for leaf in found))
 
 
 _stacked_frames = jax.jit(jax.vmap(rotation_minimising_frames))

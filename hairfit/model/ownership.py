@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..host import on_device
 from .contour import ANGLES, contour_radius
 from .tree import HairTree, ScalpContour, leaves, levels, rows_of
 from .vector import TINY, norm
@@ -124,7 +125,7 @@ def find_owner(
     to_closest_leaf(tree, u, v, owner)
     found = np.empty(len(roots), np.int32)
     found[along_u] = owner
-    return jnp.asarray(found)
+    return on_device(found)
 
 
 class Outlines(NamedTuple):

@@ -16,6 +16,8 @@ SIDE = 13
 AREA_CELLS = 144
 GUESS_CELLS = 36
 NEWTON_STEPS = 8
+# So many roots are drawn at once, or a multiple: each number is compiled.
+ROOTS_TOGETHER = 32_768
 
 
 class Scalp(eqx.Module):
@@ -114,7 +116,8 @@ def sample_roots(
         count: Number of roots.
         key: Randomness.
     """
-    return roots_in(area_up_to(scalp), count, key)
+    more = -(-count // ROOTS_TOGETHER) * ROOTS_TOGETHER
+    return roots_in(area_up_to(scalp), more, key)[:count]
 
 
 @jax.jit

@@ -11,6 +11,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int, PRNGKeyArray, UInt32
 
+from ..host import on_device
 from .curve import EXACT, catmull_rom_weights
 from .cylinder import (
     GeneralizedCylinder,
@@ -258,8 +259,8 @@ def sample_hair(
         roots.append(np.asarray(uv)[grows])
         owners.append(owner[grows])
         found += len(owners[-1])
-    uv = jnp.asarray(np.concatenate(roots)[:count])
-    owner = jnp.asarray(np.concatenate(owners)[:count])
+    uv = on_device(np.concatenate(roots)[:count])
+    owner = on_device(np.concatenate(owners)[:count])
     vary = jax.random.uniform(eta_key, owner.shape, uv.dtype)
     eta = 1.0 - tree.length_variation[owner] * vary
     roomy = with_room(tree)

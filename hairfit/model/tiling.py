@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..host import on_device
 from .contour import ANGLES
 from .cylinder import GeneralizedCylinder
 from .ownership import rehouse_wisps
@@ -95,11 +96,11 @@ def star_contours(
     The global radius is the mean of the reach.
     """
     radius = reach.mean(axis=1)
-    centre = jnp.asarray(centres)
+    centre = on_device(centres)
     return jax.vmap(ScalpContour)(
         centre,
-        jnp.asarray(radius, centre.dtype),
-        jnp.asarray(reach - radius[:, None], centre.dtype),
+        on_device(radius, centre.dtype),
+        on_device(reach - radius[:, None], centre.dtype),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int, ScalarLike
 
+from ..host import on_device
 from .certainty import TreeConfidence, heirs, unknown_confidence
 from .contour import ANGLES, contour_radius
 from .cylinder import GeneralizedCylinder
@@ -96,7 +97,7 @@ def filled(tree: HairTree, room: int) -> Clusters:
     def more(leaf):
         rest = spare + [(0, 0)] * (leaf.ndim - 1)
         # On the host: no program for each shape.
-        return jnp.asarray(np.pad(np.asarray(leaf), rest, mode="edge"))
+        return on_device(np.pad(np.asarray(leaf), rest, mode="edge"))
 
     return Clusters(*jax.tree.map(more, (tree.contour, tree.cylinder)))
 
@@ -174,14 +175,14 @@ def rows_of(array: Array | np.ndarray, index: Int[np.ndarray, " rows"]) -> Array
     """Return rows of an array, on the host: each number of rows would be compiled."""
     if isinstance(array, Tracer):
         return array[index]
-    return jnp.asarray(np.asarray(array)[index])
+    return on_device(np.asarray(array)[index])
 
 
 def joined(first: Array | np.ndarray, second: Array | np.ndarray) -> Array:
     """Return the rows of two arrays, on the host for the same reason."""
     if isinstance(first, Tracer) or isinstance(second, Tracer):
         return jnp.concatenate([first, second])
-    return jnp.asarray(np.concatenate([np.asarray(first), np.asarray(second)]))
+    return on_device(np.concatenate([np.asarray(first), np.asarray(second)]))
 
 
 def drop_descendants(tree: HairTree, index: int) -> HairTree:

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -32,7 +33,7 @@ class Camera(eqx.Module):
     @property
     def centre(self) -> Float[Array, " 3"]:
         """The camera's position in the world, in metres."""
-        return -self.cam_from_world[:3, :3].T @ self.cam_from_world[:3, 3]
+        return _centre(self.cam_from_world)
 
     def project(self, p_world: Float[Array, " 3"]) -> Projected:
         """Return the pixel and the depth of one point of the world.
@@ -46,6 +47,16 @@ class Camera(eqx.Module):
 
 def resized(camera: Camera, width: int, height: int) -> Camera:
     """Return a camera that takes the same picture with other numbers of pixels."""
-    ratio = [[width / camera.width], [height / camera.height], [1.0]]
-    K = camera.K * jnp.asarray(ratio, camera.K.dtype)
-    return Camera(K, camera.cam_from_world, width, height)
+    ratio = [width / camera.width, height / camera.height, 1.0]
+    return Camera(_scaled(camera.K, ratio), camera.cam_from_world, width, height)
+
+
+# One program each, not one for every operation: cameras are asked before anything else.
+@jax.jit
+def _centre(cam_from_world: Float[Array, "4 4"]) -> Float[Array, " 3"]:
+    return -cam_from_world[:3, :3].T @ cam_from_world[:3, 3]
+
+
+@jax.jit
+def _scaled(K: Float[Array, "3 3"], ratio: list[float]) -> Float[Array, "3 3"]:
+    return K * jnp.stack(ratio)[:, None].astype(K.dtype)

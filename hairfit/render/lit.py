@@ -10,6 +10,7 @@ import numpy as np
 from jax.scipy.ndimage import map_coordinates
 from jaxtyping import Array, Bool, Float
 
+from ..host import on_device
 from ..types import Mesh
 from .lights import Arriving, PointLight, knot_tangents, unit
 from .opacity_volume import OpacityConfig, OpacityVolume, opacity_volume
@@ -24,7 +25,7 @@ from .view import View
 # that is not too slow.
 SLABS, LARGEST = 64, 512
 # Of a segment: so that small maps share a program, however many would do.
-FEWEST_SAMPLES = 2
+FEWEST_SAMPLES = 3
 
 
 class Arrived(NamedTuple):
@@ -56,15 +57,15 @@ def light_at(
         scene: Hair and head that cast shadows; its own lights do not count.
         lights: The lights.
     """
-    at = jnp.asarray(places, number())
-    kappa = jnp.asarray(scene.kappa, number())
+    at = on_device(places, number())
+    kappa = on_device(scene.kappa, number())
     head = None if scene.head is None else solid(scene.head)
     found = []
     for light, volume in zip(lights, hair_before(lights, scene), strict=True):
         free = np.ones(len(places), bool)
         if scene.shadows is not None and head is not None:
             free = lit_past(head, places, light, scene.shadows.bias)
-        found.append(arriving(light, volume, kappa, jnp.asarray(free), at))
+        found.append(arriving(light, volume, kappa, on_device(free), at))
     if not found:
         return Arrived(*[jnp.zeros((0, len(places), 3), number())] * 2)
     return Arrived(*(jnp.stack(part) for part in zip(*found, strict=True)))
@@ -81,11 +82,11 @@ def hair_before(
     points = np.asarray(scene.strands, number())
     flat, size = points.reshape(-1, 3).astype(np.float64), min(style.size, LARGEST)
     views = [
-        jax.tree.map(lambda x: jnp.asarray(x, number()), light_view(light, flat, size))
+        jax.tree.map(lambda x: on_device(x, number()), light_view(light, flat, size))
         for light in lights
     ]
     slabs = SLABS if style.scheme == "adaptive" else max(style.slices, 2)
-    hair, width = jnp.asarray(points), jnp.asarray(scene.look.width, number())
+    hair, width = on_device(points), on_device(scene.look.width, number())
     # The same for all lights: one program.
     most = max((samples_needed(hair, view) for view in views), default=1)
     config = OpacityConfig(slabs, rounded_up(max(most, FEWEST_SAMPLES)))

@@ -4,7 +4,8 @@ import dataclasses
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
+from jaxtyping import Array, Float
 
 from .camera import Camera
 from .scene import Background
@@ -60,9 +61,13 @@ def halves(tile: Tile) -> tuple[Tile, Tile]:
 
 def camera_of(tile: Tile, camera: Camera) -> Camera:
     """Return the camera that takes a part of another one's picture."""
-    first = jnp.array([tile.column, tile.row], camera.K.dtype)
-    K = camera.K.at[:2, 2].add(-first)
+    K = _shifted(camera.K, float(tile.column), float(tile.row))
     return Camera(K, camera.cam_from_world, tile.width, tile.height)
+
+
+@jax.jit
+def _shifted(K: Float[Array, "3 3"], column: float, row: float) -> Float[Array, "3 3"]:
+    return K.at[0, 2].add(-column).at[1, 2].add(-row)
 
 
 def background_of(tile: Tile, background: Background) -> Background:

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -58,11 +59,18 @@ class View(eqx.Module):
 
 def camera_view(camera: Camera) -> View:
     """Return the view of a pinhole camera."""
-    seen = camera.K @ camera.cam_from_world[:3]
-    matrix = jnp.concatenate([seen[:2], camera.cam_from_world[2:3], seen[2:]])
-    # Pixels need not be square: an area across the ray is what must come out right.
-    scale = jnp.sqrt(jnp.abs(camera.K[0, 0] * camera.K[1, 1]))
+    matrix, scale = _through(camera.K, camera.cam_from_world)
     return View(matrix, scale, camera.width, camera.height)
+
+
+@jax.jit
+def _through(
+    K: Float[Array, "3 3"], cam_from_world: Float[Array, "4 4"]
+) -> tuple[Float[Array, "4 4"], Float[Array, ""]]:
+    seen = K @ cam_from_world[:3]
+    matrix = jnp.concatenate([seen[:2], cam_from_world[2:3], seen[2:]])
+    # Pixels need not be square: an area across the ray is what must come out right.
+    return matrix, jnp.sqrt(jnp.abs(K[0, 0] * K[1, 1]))
 
 
 def distant_view(

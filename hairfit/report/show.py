@@ -40,6 +40,9 @@ from .pictures import (
 DRAWN = 10_000
 # Metres, half a pixel or less: a hair that is wider is drawn as several side by side.
 WIDEST = 0.00045
+# Metres, less than a pixel of these pictures: how far knots may be that are left out.
+WITHIN = 0.0008
+FEWEST_KNOTS = 8
 # Pictures of the turntable, by quality: each takes 0.2 s on two cores.
 TURNS = {"draft": 8, "normal": 16, "high": 16}
 PAPER = 0.25  # linear brightness of what is behind photographs drawn again
@@ -53,7 +56,7 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     previews.mkdir()
     sights = map(Sight, fitted.views, fitted.depths)
     step = -(-len(points) // DRAWN)
-    some, owner = points[::step], fitted.owner[::step]
+    some, owner = with_few_knots(points[::step], WITHIN), fitted.owner[::step]
     cameras = [small(view.camera) for view in fitted.views]
     count = TURNS[fitted.figures["quality"]]
     turns = orbit_cameras(points, count, TURNTABLE_SIZE)
@@ -80,6 +83,25 @@ def show_result(folder: Path, capture: Capture, fitted: FitResult) -> dict[str, 
     text = report_html(title, pages, fitted.figures, frames, warnings, sure)
     (folder / "report.html").write_text(text, encoding="utf-8")
     return photographs
+
+
+def with_few_knots(
+    points: Float[np.ndarray, "strands knots 3"], within: float
+) -> Float[np.ndarray, "strands fewer 3"]:
+    """Return strands without every other knot, as often as pictures do not show it.
+
+    Args:
+        points: Strands, in metres.
+        within: How far from the line between its neighbours a knot may be that is left
+            out, in metres: that of nineteen in twenty.
+    """
+    while points.shape[1] > FEWEST_KNOTS:
+        between = 0.5 * (points[:, :-2:2] + points[:, 2::2])
+        off = np.linalg.norm(points[:, 1:-1:2] - between, axis=-1)
+        if np.quantile(off, 0.95) > within:
+            break
+        points = points[:, sorted({*range(0, points.shape[1], 2), points.shape[1] - 1})]
+    return points
 
 
 def draw_again(
