@@ -9,7 +9,7 @@ from jaxtyping import Float
 from ..model.collide import DistanceField, sample_field
 from ..types import Mesh
 
-CELL = 0.008  # metres, of the grid that tells what is near the skin
+CELL = 0.010  # metres, of the grid that tells what is near the skin
 ROUNDING = 1e-6  # metres: distances on a grid are kept as float32
 
 

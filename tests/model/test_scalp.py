@@ -21,6 +21,15 @@ def test_the_patch_runs_through_its_control_points(dome):
     assert jnp.array_equal(scalp_point(dome, jnp.zeros(2)), dome.control[0, 0])
 
 
+def test_fewer_roots_are_the_first_of_many(dome):
+    """All numbers share a program, and no number of roots changes any of them."""
+    key = jax.random.key(7)
+    many = sample_roots(dome, 40_000, key)
+    assert many.shape == (40_000, 2)
+    for count in (0, 1, 2500):
+        assert jnp.array_equal(sample_roots(dome, count, key), many[:count])
+
+
 def test_normals_point_outwards_whichever_way_u_and_v_run(dome):
     mirrored = Scalp(dome.control[::-1])
     turned = Scalp(dome.control.transpose(1, 0, 2))
