@@ -12,7 +12,7 @@ PACKAGE = pathlib.Path(__file__).parent.parent / "hairfit"
 
 # A part may import itself and those before it. `render` is its JAX half.
 ORDER = (
-    {"errors", "types", "transforms", "abreast"},
+    {"errors", "types", "transforms", "abreast", "host"},
     {"model"},
     {"io"},
     {"render"},
