@@ -112,10 +112,10 @@ def compile_strands(clusters: int, knots: int, count: int, points: int) -> None:
 
     And what goes before: the frames of clusters, and which roots a map lets grow.
     """
-    parts = Scalp(zeros(SIDE, SIDE, 3)), *empty_clusters(together(clusters), knots)
+    contour, cylinder = empty_clusters(together(clusters), knots)
     roots = zeros(count, 2), zeros(count, dtype=np.int32), zeros(count)
-    grow(*parts, *roots, points, None)
-    frames_of(parts[-1])
+    grow(Scalp(zeros(SIDE, SIDE, 3)), contour, cylinder, *roots, points, None)
+    frames_of(cylinder)
     key, *_ = jax.random.split(jax.random.key(0), ROUNDS + 1)
     keep_roots(even_maps(TEXELS, TEXELS), zeros(count, 2), key)
 

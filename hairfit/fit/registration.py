@@ -248,8 +248,8 @@ def _best_shift(
     full = [2 * edge - 1 for edge in wanted.shape]
     size = [fft.next_fast_len(edge, real=True) for edge in full]
     parts = (wanted, head[::-1, ::-1].astype(float))
-    one, other = (fft.rfft2(part, size) for part in parts)
-    score = fft.irfft2(one * other, size)[: full[0], : full[1]]
+    one, other = (np.asarray(fft.rfft2(part, size)) for part in parts)
+    score = np.asarray(fft.irfft2(one * other, size))[: full[0], : full[1]]
     row, column = np.unravel_index(np.argmax(score), score.shape)
     down, right = float(row) - (head.shape[0] - 1), float(column) - (head.shape[1] - 1)
     return np.array([-down, right, 0.0])
