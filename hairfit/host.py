@@ -5,10 +5,10 @@ from typing import Any
 import jax
 import numpy as np
 from jaxtyping import Array
-from numpy.typing import ArrayLike, DTypeLike
+from numpy.typing import DTypeLike
 
 
-def on_device(values: ArrayLike | Array, dtype: DTypeLike | Any = None) -> Array:
+def on_device(values: Any, dtype: DTypeLike | Any = None) -> Array:
     """Return what the host holds as JAX's array, in the precision JAX computes with.
 
     As `jnp.asarray`, which compiles a program for each shape and type it is given
