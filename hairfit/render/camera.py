@@ -7,12 +7,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+Number = Float[Array, ""]
+
 
 class Projected(NamedTuple):
     """Where a point lands: pixels (first centre at 0.5, 0.5), and depth in metres."""
 
     pixel: Float[Array, " 2"]
-    depth: Float[Array, ""]
+    depth: Number
 
 
 class Camera(eqx.Module):
@@ -47,8 +49,8 @@ class Camera(eqx.Module):
 
 def resized(camera: Camera, width: int, height: int) -> Camera:
     """Return a camera that takes the same picture with other numbers of pixels."""
-    ratio = [width / camera.width, height / camera.height, 1.0]
-    return Camera(_scaled(camera.K, ratio), camera.cam_from_world, width, height)
+    ratio = width / camera.width, height / camera.height
+    return Camera(_scaled(camera.K, *ratio), camera.cam_from_world, width, height)
 
 
 # One program each, not one for every operation: cameras are asked before anything else.
@@ -58,5 +60,7 @@ def _centre(cam_from_world: Float[Array, "4 4"]) -> Float[Array, " 3"]:
 
 
 @jax.jit
-def _scaled(K: Float[Array, "3 3"], ratio: list[float]) -> Float[Array, "3 3"]:
-    return K * jnp.stack(ratio)[:, None].astype(K.dtype)
+def _scaled(
+    K: Float[Array, "3 3"], across: Number, down: Number
+) -> Float[Array, "3 3"]:
+    return K * jnp.stack([across, down, 1.0])[:, None].astype(K.dtype)

@@ -66,7 +66,9 @@ def camera_of(tile: Tile, camera: Camera) -> Camera:
 
 
 @jax.jit
-def _shifted(K: Float[Array, "3 3"], column: float, row: float) -> Float[Array, "3 3"]:
+def _shifted(
+    K: Float[Array, "3 3"], column: Float[Array, ""], row: Float[Array, ""]
+) -> Float[Array, "3 3"]:
     return K.at[0, 2].add(-column).at[1, 2].add(-row)
 
 

@@ -96,8 +96,11 @@ def with_few_knots(
             out, in metres: that of nineteen in twenty.
     """
     while points.shape[1] > FEWEST_KNOTS:
-        between = 0.5 * (points[:, :-2:2] + points[:, 2::2])
-        off = np.linalg.norm(points[:, 1:-1:2] - between, axis=-1)
+        start, chord = points[:, :-2:2], points[:, 2::2] - points[:, :-2:2]
+        away = points[:, 1:-1:2] - start
+        square = np.maximum((chord**2).sum(-1), 1e-18)
+        share = np.clip((away * chord).sum(-1) / square, 0.0, 1.0)
+        off = np.linalg.norm(away - share[..., None] * chord, axis=-1)
         if np.quantile(off, 0.95) > within:
             break
         points = points[:, sorted({*range(0, points.shape[1], 2), points.shape[1] - 1})]
