@@ -48,7 +48,7 @@ def check_units(mesh: Mesh, entries: Sequence[CameraEntry], path: Path) -> None:
         for entry in entries:
             camera = entry.camera
             distance = np.linalg.norm(target - np.asarray(camera.centre))
-            focal = float(np.asarray(camera.K)[0, 0]) / max(camera.width, camera.height)
+            focal = camera.focal / max(camera.width, camera.height)
             share.append(extent * focal / max(float(distance), 1e-9))
         fills = float(np.median(share))
         misfit = {unit: abs(np.log(fills * factor)) for unit, factor in UNITS.items()}

@@ -221,7 +221,7 @@ def drawn_pieces(
         x, y = np.minimum(place.astype(int), [width - 1, height - 1]).T
         near = segments.inverse_depth[owner]
         inverse = near[:, 0] + share * near[:, 1]
-        hides = piece[owner] * inverse * float(camera.K[0, 0])
+        hides = piece[owner] * inverse * camera.focal
         if mesh_depth is not None:
             hides = np.where(inverse * mesh_depth[y, x] >= 1.0, hides, 0.0)
         yield Pieces(strand[owner], y, x, hides)

@@ -59,7 +59,7 @@ def find_candidates(
         spare: So many views may be wrong.
     """
     cranium = find_cranium(head)
-    focal = max(float(view.camera.K[0, 0]) for view in views)
+    focal = max(view.camera.focal for view in views)
     coarse = Grid.around(cranium.centre - REACH, cranium.centre + REACH, COARSE)
     everywhere = np.ones(coarse.shape, bool)
     allowed = allowed_voxels(
@@ -94,7 +94,7 @@ def look_at(
     hair = np.asarray(grown, bool)[row, column]
     free = seen & (pixels.depth <= depth[row, column])
     middle = float(np.median(pixels.depth)) if len(points) else 1.0
-    reach = int(np.ceil(0.5 * SPACING * float(camera.K[0, 0]) / max(middle, 0.05)))
+    reach = int(np.ceil(0.5 * SPACING * camera.focal / max(middle, 0.05)))
     return Sight(row * camera.width + column, seen, free & hair, free & ~hair, reach)
 
 

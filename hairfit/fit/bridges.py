@@ -99,7 +99,7 @@ def _covered(
     struck = np.zeros(view.hair.shape, bool)
     struck[y[seen], x[seen]] = True
     middle = max(float(np.median(pixels.depth)), 0.05)
-    wide = int(np.ceil(grid.spacing * float(view.camera.K[0, 0]) / middle))
+    wide = int(np.ceil(grid.spacing * view.camera.focal / middle))
     return np.asarray(ndimage.maximum_filter(struck, size=2 * wide + 1), bool)
 
 

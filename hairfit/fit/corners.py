@@ -75,7 +75,7 @@ def _rays(
     y, x, seen = cells(pixels, view.camera.width, view.camera.height)
     seen &= view.hair[y, x] & (pixels.depth < depth[y, x] + FRONT)
     middle = max(float(np.median(pixels.depth)), 0.05)
-    wide = max(1, round(hull.grid.spacing * float(view.camera.K[0, 0]) / middle))
+    wide = max(1, round(hull.grid.spacing * view.camera.focal / middle))
     return np.where(seen, (y // wide) * view.camera.width + x // wide, -1)
 
 

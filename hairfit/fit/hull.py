@@ -82,7 +82,7 @@ def carve(
     views = list(abreast(without_gaps, views, depths))
     cranium = find_cranium(head)
     coarse = Grid.around(cranium.centre - REACH, cranium.centre + REACH, COARSE)
-    margin = 2 * COARSE * max(float(v.camera.K[0, 0]) for v in views)
+    margin = 2 * COARSE * max(v.camera.focal for v in views)
     everywhere = np.ones(coarse.shape, bool)
     allowed = allowed_voxels(coarse, everywhere, views, depths, margin)
     if not allowed.any():
@@ -116,7 +116,7 @@ def without_gaps(view: View, depth: Float[np.ndarray, "height width"]) -> View:
     skin = np.isfinite(depth) & (depth > 0)
     if not skin.any():
         return view
-    half = int(GAPS * float(view.camera.K[0, 0]) / float(np.median(depth[skin])))
+    half = int(GAPS * view.camera.focal / float(np.median(depth[skin])))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * half + 1, 2 * half + 1))
     closed = cv2.morphologyEx(view.hair.astype(np.uint8), cv2.MORPH_CLOSE, disc)
     return dataclasses.replace(view, hair=view.hair | (skin & (closed > 0)))
@@ -229,7 +229,7 @@ def pixel_sizes(hull: Hull, views: Sequence[View]) -> list[float]:
     """Return how wide a pixel of each view is at the middle of the hair, in metres."""
     middle = hull.grid.centres(hull.hair).mean(axis=0, keepdims=True)
     return [
-        float(project_points(middle, view.camera).depth[0]) / float(view.camera.K[0, 0])
+        float(project_points(middle, view.camera).depth[0]) / view.camera.focal
         for view in views
     ]
 

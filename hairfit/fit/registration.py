@@ -138,7 +138,7 @@ def register(
         raise ValueError("`register` needs the mask of the person.")
     here = np.asarray(view.camera.centre, np.float64)
     seen = np.isfinite(depth)
-    shift = _best_shift(seen, body, hair) / float(view.camera.K[0, 0])
+    shift = _best_shift(seen, body, hair) / view.camera.focal
     found = []
     for centre, start in ((here, shift), (find_cranium(head).centre, np.zeros(3))):
         turn = _best_turn(view, head, centre, start)

@@ -254,7 +254,7 @@ def find_pulls(
         if not len(usable):
             chosen = chosen[:0]
         apart, nearest = map(np.asarray, KDTree(found.pixel[usable]).query(chosen))
-        metres = apart * found.depth[usable[nearest]] / float(view.camera.K[0, 0])
+        metres = apart * found.depth[usable[nearest]] / view.camera.focal
         bare = np.flatnonzero((metres > BARE) & (metres < FARTHEST))[:PULLS]
         spare = PULLS - len(bare)
         index = np.pad(usable[nearest[bare]], (0, spare))

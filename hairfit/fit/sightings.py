@@ -254,7 +254,7 @@ def outline_rows(
 
     Only near it, where hair that is seen can hardly be elsewhere.
     """
-    metres = depth / float(view.camera.K[0, 0])
+    metres = depth / view.camera.focal
     away = within[at.row, at.column] * metres
     even = ndimage.gaussian_filter(within, 1.0)
     change = [np.gradient(even, axis=axis)[at.row, at.column] for axis in (1, 0)]

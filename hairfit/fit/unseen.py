@@ -147,7 +147,7 @@ def find_room(
         land = project_points(pieces.middle, view.camera)
         at = cells(land, view.camera.width, view.camera.height)
         free = at.inside & (land.depth < behind[at.row, at.column])
-        metres = inside[at.row, at.column] * land.depth / float(view.camera.K[0, 0])
+        metres = inside[at.row, at.column] * land.depth / view.camera.focal
         deep = np.where(free, np.minimum(deep, metres), deep)
         ray = sight_lines(pieces.middle, view)
         open_ = np.eye(3) - ray[:, :, None] * ray[:, None]

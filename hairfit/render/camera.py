@@ -5,16 +5,15 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
-
-Number = Float[Array, ""]
 
 
 class Projected(NamedTuple):
     """Where a point lands: pixels (first centre at 0.5, 0.5), and depth in metres."""
 
     pixel: Float[Array, " 2"]
-    depth: Number
+    depth: Float[Array, ""]
 
 
 class Camera(eqx.Module):
@@ -37,6 +36,11 @@ class Camera(eqx.Module):
         """The camera's position in the world, in metres."""
         return _centre(self.cam_from_world)
 
+    @property
+    def focal(self) -> float:
+        """The focal length along x, in pixels. Outside `jit` only."""
+        return float(np.asarray(self.K)[0, 0])
+
     def project(self, p_world: Float[Array, " 3"]) -> Projected:
         """Return the pixel and the depth of one point of the world.
 
@@ -55,12 +59,20 @@ def resized(camera: Camera, width: int, height: int) -> Camera:
 
 # One program each, not one for every operation: cameras are asked before anything else.
 @jax.jit
+def shifted(
+    K: Float[Array, "3 3"], across: Float[Array, ""], down: Float[Array, ""]
+) -> Float[Array, "3 3"]:
+    """Return intrinsics that put all so many pixels further right and down."""
+    return K.at[0, 2].add(across).at[1, 2].add(down)
+
+
+@jax.jit
 def _centre(cam_from_world: Float[Array, "4 4"]) -> Float[Array, " 3"]:
     return -cam_from_world[:3, :3].T @ cam_from_world[:3, 3]
 
 
 @jax.jit
 def _scaled(
-    K: Float[Array, "3 3"], across: Number, down: Number
+    K: Float[Array, "3 3"], across: Float[Array, ""], down: Float[Array, ""]
 ) -> Float[Array, "3 3"]:
     return K * jnp.stack([across, down, 1.0])[:, None].astype(K.dtype)

@@ -4,10 +4,7 @@ import dataclasses
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import jax
-from jaxtyping import Array, Float
-
-from .camera import Camera
+from .camera import Camera, shifted
 from .scene import Background
 
 
@@ -61,15 +58,8 @@ def halves(tile: Tile) -> tuple[Tile, Tile]:
 
 def camera_of(tile: Tile, camera: Camera) -> Camera:
     """Return the camera that takes a part of another one's picture."""
-    K = _shifted(camera.K, float(tile.column), float(tile.row))
+    K = shifted(camera.K, -float(tile.column), -float(tile.row))
     return Camera(K, camera.cam_from_world, tile.width, tile.height)
-
-
-@jax.jit
-def _shifted(
-    K: Float[Array, "3 3"], column: Float[Array, ""], row: Float[Array, ""]
-) -> Float[Array, "3 3"]:
-    return K.at[0, 2].add(-column).at[1, 2].add(-row)
 
 
 def background_of(tile: Tile, background: Background) -> Background:

@@ -7,11 +7,10 @@ truth that the others are measured by.
 
 from typing import Any, Literal
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..camera import Camera
+from ..camera import Camera, shifted
 from ..pieces import strips_needed
 from ..scene import Background, Scene
 from ..tiles import background_of, camera_of, tiles
@@ -153,7 +152,7 @@ class HairLines:
         """
         frame = self.frame(camera.width, camera.height)
         for shift in 0.5 - subpixels(passes):
-            K = camera.K.at[:2, 2].add(jnp.asarray(shift, camera.K.dtype))
+            K = shifted(camera.K, *map(float, shift))
             moved = Camera(K, camera.cam_from_world, camera.width, camera.height)
             drawn = self.opaque(moved, self.scene.background, 1, "quad")
             self.add(drawn, frame, 1, 1.0 / passes)
