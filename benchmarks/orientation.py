@@ -128,7 +128,7 @@ def main() -> None:
     parser.add_argument("--views", default=RING, help="names, or how many")
     parser.add_argument("--each", action="store_true", help="a row for every view, too")
     options = parser.parse_args()
-    # The first call loads torch and measures the filters' noise.
+    # The first call loads OpenCV and measures the filters' noise.
     estimate_orientation(np.ones((32, 32, 3), np.float32), np.ones((32, 32), bool))
     print(f"{'':<18}{'weighted':>9}{'median':>9}{'seconds':>9}   expected/actual")
     for folder in options.captures:

@@ -7,22 +7,19 @@ energy, whatever the phase of the hair under the pixel. They run as products in 
 frequency plane, which for filters of this size is the fastest convolution.
 """
 
-import contextlib
 import math
-import threading
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from torch import Tensor
-
-# torch counts its threads for the whole process.
-THREADS = threading.Lock()
+import numpy as np
+from jaxtyping import Complex64, Float, Float32
+from scipy import fft
 
 
 def line_moments(
-    values: "Tensor", wavelength: float, length: float, bandwidth: float
-) -> "Tensor":
+    values: Float32[np.ndarray, "rows columns"],
+    wavelength: float,
+    length: float,
+    bandwidth: float,
+) -> Float32[np.ndarray, "half_rows half_columns 3"]:
     r"""Return the doubled-angle moments of the energy, on a grid of half the size.
 
     With $E(\theta)$ the energy of the filter along the line $\theta$, they are
@@ -30,45 +27,44 @@ def line_moments(
     is the variance of the picture where that is white noise.
 
     Args:
-        values: The picture, `(rows, columns)`, both even; zero where nothing is known.
+        values: The picture, of even size; zero where nothing is known.
         wavelength: Wavelength of the filters' centre, in pixels.
         length: Standard deviation of the filters along the line, in pixels.
         bandwidth: Standard deviation of the logarithm of the frequency that passes.
-
-    Returns:
-        The three moments, `(3, rows / 2, columns / 2)`.
     """
-    import torch
-
     rows, columns = values.shape
     # Of a band below a quarter of the sampling rate, every other sample is enough.
     step = 2 if wavelength >= 11.0 else 1
     pad = 2 * math.ceil(max(wavelength, length))
     size = [fast_size(count + pad, 2 * step) for count in (rows, columns)]
-    spectrum = low_frequencies(torch.fft.fft2(values, s=size), step) / step**2
-    fy = torch.fft.fftfreq(size[0] // step, device=values.device)[:, None] / step
-    fx = torch.fft.fftfreq(size[1] // step, device=values.device)[None] / step
-    octave = torch.log(torch.hypot(fx, fy).clamp_min(1e-6) * wavelength)
-    band = torch.exp(-0.5 * (octave / bandwidth) ** 2)
+    spectrum = low_frequencies(np.asarray(fft.fft2(values, s=size)), step)
+    fy = fft.fftfreq(size[0] // step).astype(np.float32)[:, None] / step
+    fx = fft.fftfreq(size[1] // step).astype(np.float32)[None] / step
+    octave = np.log(np.maximum(np.hypot(fx, fy), 1e-6) * wavelength)
+    band = np.exp(-0.5 * (octave / bandwidth) ** 2)
+    spectrum = spectrum * (band / step**2)
     # A filter of this length passes frequencies within this angle; at 0.8 spacings the
     # squared responses of neighbouring directions overlap without ripple.
     spread = wavelength / (2 * math.pi * length)
     orientations = max(8, math.ceil(0.8 * math.pi / spread))
-    turn = torch.atan2(fy, fx)
-    moments, gain = torch.zeros((), device=values.device), 0.0
+    turn = np.arctan2(fy, fx)
+    moments = np.zeros((rows // 2, columns // 2, 3), np.float32)
+    gain = 0.0
     for theta in (math.pi * index / orientations for index in range(orientations)):
-        # A line along theta has its frequencies across, at theta + pi / 2.
-        off = torch.remainder(turn - theta + 0.5 * math.pi, 2 * math.pi) - math.pi
-        passed = band * torch.exp(-0.5 * (off / spread) ** 2)
-        gain += float(passed.square().mean()) / step**2
-        response = torch.fft.ifft2(spectrum * passed)
-        energy = torch.view_as_real(response).square().sum(-1)
-        energy = energy[: rows // step, : columns // step]
+        # A line along theta has its frequencies across, at theta + pi / 2. How far
+        # those of the plane are turned from there is less than a turn either way.
+        off = turn + np.float32(0.5 * math.pi - theta)
+        off -= np.copysign(np.float32(math.pi), off)
+        passed = np.exp(np.float32(-0.5 / spread**2) * off**2)
+        gain += float(np.mean((band * passed) ** 2)) / step**2
+        response = np.asarray(fft.ifft2(spectrum * passed, overwrite_x=True))
+        response = response[: rows // step, : columns // step]
+        energy = np.real(response) ** 2 + np.imag(response) ** 2
         if step == 1:
-            energy = torch.nn.functional.avg_pool2d(energy[None], 2)[0]
-        axis = (math.cos(2 * theta), math.sin(2 * theta), 1.0)
-        moments = moments + torch.stack([share * energy for share in axis])
-    return moments / gain
+            energy = halved(energy)
+        for channel, share in enumerate((math.cos(2 * theta), math.sin(2 * theta), 1)):
+            moments[..., channel] += np.float32(share) * energy
+    return moments / np.float32(gain)
 
 
 def fast_size(least: int, multiple: int) -> int:
@@ -84,41 +80,31 @@ def fast_size(least: int, multiple: int) -> int:
         size += multiple
 
 
-def low_frequencies(spectrum: "Tensor", step: int) -> "Tensor":
+def low_frequencies(
+    spectrum: Complex64[np.ndarray, "rows columns"], step: int
+) -> Complex64[np.ndarray, "_rows _columns"]:
     """Return the spectrum as if every `step`-th pixel had been taken, low-passed."""
-    import torch
-
     if step == 1:
         return spectrum
     rows, columns = (count // step for count in spectrum.shape)
     top, left = (spectrum.shape[0] - rows) // 2, (spectrum.shape[1] - columns) // 2
-    centred = torch.fft.fftshift(spectrum)[top : top + rows, left : left + columns]
-    return torch.fft.ifftshift(centred)
+    centred = fft.fftshift(spectrum)[top : top + rows, left : left + columns]
+    return fft.ifftshift(centred)
 
 
-def gaussian_blur(maps: "Tensor", sigma: float) -> "Tensor":
-    """Return maps, `(channels, rows, columns)`, blurred; beyond the border all is 0."""
-    import kornia
+def halved(
+    values: Float[np.ndarray, "rows columns"],
+) -> Float[np.ndarray, "_rows _columns"]:
+    """Return the means of every two by two pixels of a picture of even size."""
+    pairs = values[0::2] + values[1::2]
+    return (pairs[:, 0::2] + pairs[:, 1::2]) / 4
+
+
+def gaussian_blur(
+    maps: Float32[np.ndarray, "rows columns *channels"], sigma: float
+) -> Float32[np.ndarray, "rows columns *channels"]:
+    """Return maps blurred; beyond the border all is 0."""
+    import cv2
 
     size = 2 * math.ceil(3.5 * sigma) + 1
-    return kornia.filters.gaussian_blur2d(
-        maps[None], (size, size), (sigma, sigma), border_type="constant"
-    )[0]
-
-
-@contextlib.contextmanager
-def one_thread_per_operation() -> Iterator[None]:
-    """Keep torch from splitting single operations, for callers that run bands abreast.
-
-    Pictures are small: threads that wait for each other within every operation take ten
-    times as long as soon as another process wants the same cores.
-    """
-    import torch
-
-    with THREADS:
-        before = torch.get_num_threads()
-        torch.set_num_threads(1)
-        try:
-            yield
-        finally:
-            torch.set_num_threads(before)
+    return cv2.GaussianBlur(maps, (size, size), sigma, borderType=cv2.BORDER_CONSTANT)

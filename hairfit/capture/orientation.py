@@ -9,18 +9,13 @@ narrow where it turns; and from what is left of disagreement the error to expect
 import dataclasses
 import functools
 import math
-import os
-from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Shaped
+from jaxtyping import Bool, Float, Float32, Shaped
 
 from ..errors import InputError
-from .filters import gaussian_blur, line_moments, one_thread_per_operation
-
-if TYPE_CHECKING:
-    from torch import Tensor
+from .filters import gaussian_blur, halved, line_moments
 
 # The expected error that a guess has, and the one that is trusted in full. Radians.
 SIGMA_BLIND = math.radians(60.0)
@@ -97,9 +92,9 @@ def estimate_orientation(
     box = bounding_box(hair)
     inside = hair[box]
     config = config or OrientationConfig()
-    with one_thread_per_operation():
-        votes = mean_votes(flatten(image[box], inside, config), config).cpu().numpy()
-    cosine, sine, bend = votes[:, : inside.shape[0], : inside.shape[1]]
+    votes = mean_votes(flatten(image[box], inside, config), config)
+    votes = votes[: inside.shape[0], : inside.shape[1]]
+    cosine, sine, bend = np.moveaxis(votes, 2, 0)
     turn = np.arctan2(sine, cosine) / 2
     turn = np.where(turn < 0, turn + np.float32(np.pi), turn)
     # A tiny negative angle becomes pi itself by rounding.
@@ -157,10 +152,10 @@ def bounding_box(hair: Bool[np.ndarray, "height width"]) -> tuple[slice, slice]:
 
 
 class Texture(NamedTuple):
-    """The contrast of the hair and where it is known, 0 outside; `(rows, columns)`."""
+    """The contrast of the hair and where it is known, 0 outside."""
 
-    contrast: "Tensor"
-    known: "Tensor"
+    contrast: Float32[np.ndarray, "rows columns"]
+    known: Float32[np.ndarray, "rows columns"]
 
 
 def flatten(image: np.ndarray, hair: np.ndarray, config: OrientationConfig) -> Texture:
@@ -170,96 +165,83 @@ def flatten(image: np.ndarray, hair: np.ndarray, config: OrientationConfig) -> T
     light. The smooth part is a mean over the hair alone, so that the silhouette leaves
     no step.
     """
-    import torch
+    import cv2
 
     light = np.clip(image, 0, None).mean(-1)
     # Half a step of eight bits at the dark end, should all of the hair be black.
     dark = max(config.dark * float(np.median(light[hair])), 1.5e-4)
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     value, known = (
-        torch.from_numpy(
-            np.pad(array, [(0, count % 2) for count in hair.shape]).astype(np.float32)
-        ).to(device)
+        np.pad(array, [(0, count % 2) for count in hair.shape]).astype(np.float32)
         for array in (np.log(light + dark), hair)
     )
     # Pixels at the silhouette show what is behind, too: trust them where no others are.
-    around = torch.nn.functional.avg_pool2d(known[None], 5, 1, 2)[0]
-    inner = ((around > 0.999) + 0.01) * known
-    smooth = gaussian_blur(torch.stack([value * inner, inner]), config.background)
-    value = value - smooth[0] / smooth[1].clamp_min(1e-5)
+    around = cv2.blur(known, (5, 5), borderType=cv2.BORDER_CONSTANT)
+    inner = np.where(around > 0.999, np.float32(1.01), np.float32(0.01)) * known
+    smooth = gaussian_blur(np.stack([value * inner, inner], -1), config.background)
+    value = value - smooth[..., 0] / np.maximum(smooth[..., 1], 1e-5)
     # The silhouette's mixed pixels and single bright samples stand out of the texture:
     # they count no more than its strongest strands.
-    limit = OUTLIER * float(value[known > 0].abs().median())
-    return Texture(value.clamp(-limit, limit) * known, known)
+    limit = OUTLIER * np.median(np.abs(value[known > 0]))
+    return Texture(np.clip(value, -limit, limit) * known, known)
 
 
-def mean_votes(texture: Texture, config: OrientationConfig) -> "Tensor":
-    """Return the mean doubled-angle vector and its bend, `(3, rows, columns)`.
+def mean_votes(
+    texture: Texture, config: OrientationConfig
+) -> Float32[np.ndarray, "rows columns 3"]:
+    """Return the mean doubled-angle vector of every pixel, and its bend.
 
     The mean vote of a wide area errs least by chance but is wrong where hair turns. It
     is moved towards that of a narrow area by the share of their difference that chance
     does not explain: Wiener's filter, between scales.
     """
-    import torch
+    import cv2
 
     levels = pooled_votes(texture, config)
     noise = vote_noise(config)
-    mean, bend = levels[-1], torch.zeros_like(levels[-1][0])
+    mean, bend = levels[-1], np.zeros_like(levels[-1][..., :1])
     for index in range(len(levels) - 2, -1, -1):
         fine, coarse = levels[index], levels[index + 1]
-        size = torch.linalg.vector_norm(coarse, dim=0) + 1e-6
-        turned = (fine[0] * coarse[1] - fine[1] * coarse[0]) / size
-        seen, agreed = gaussian_blur(
-            torch.stack([turned**2, (fine**2).sum(0)]), 0.5 * config.pooling[index + 1]
-        )
+        size = np.linalg.norm(coarse, axis=2) + np.float32(1e-6)
+        turned = (fine[..., 0] * coarse[..., 1] - fine[..., 1] * coarse[..., 0]) / size
+        pair = np.stack([turned**2, np.sum(fine**2, axis=2)], axis=-1)
+        blurred = gaussian_blur(pair, 0.5 * config.pooling[index + 1])
+        seen, agreed = blurred[..., :1], blurred[..., 1:]
         # Half of the noise lies across the vector; only votes that disagree make it.
-        chance = 0.5 * (noise[index] - noise[index + 1]) * (1 - agreed).clamp_min(0)
-        excess = (seen - chance).clamp_min(0)
-        mean = mean + (fine - mean) * excess / (seen + 1e-9)
+        chance = np.float32(0.5 * (noise[index] - noise[index + 1]))
+        excess = np.maximum(seen - chance * np.maximum(1 - agreed, 0), 0)
+        mean = mean + (fine - mean) * (excess / (seen + np.float32(1e-9)))
         bend = bend + excess
-    return torch.nn.functional.interpolate(
-        torch.cat([mean, bend[None]])[None],
-        size=texture.known.shape,
-        mode="bilinear",
-        align_corners=False,
-    )[0]
+    found = np.concatenate([mean, bend], axis=2)
+    return cv2.resize(found, texture.known.shape[::-1], interpolation=cv2.INTER_LINEAR)
 
 
-def pooled_votes(texture: Texture, config: OrientationConfig) -> "list[Tensor]":
+def pooled_votes(
+    texture: Texture, config: OrientationConfig
+) -> list[Float32[np.ndarray, "half_rows half_columns 2"]]:
     """Return the mean votes over wider and wider areas, on a grid of half the size."""
-    import torch
-
-    contrast, device = texture.contrast, texture.contrast.device
-    known = torch.nn.functional.avg_pool2d(texture.known[None], 2)
-    votes = torch.zeros((), device=device)
-    weights = torch.full((), 1e-9, device=device)
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        bands = pool.map(
-            lambda wave: line_moments(contrast, wave, config.length, config.bandwidth),
-            config.wavelengths,
-        )
-        bands = list(bands)
-    for wavelength, moments in zip(config.wavelengths, bands, strict=True):
+    known = np.float32(FLAT**2) * halved(texture.known)
+    votes = np.zeros((*known.shape, 3), np.float32)
+    weights = np.full((*known.shape, 1), 1e-9, np.float32)
+    for wave in config.wavelengths:
+        moments = line_moments(texture.contrast, wave, config.length, config.bandwidth)
         # Flat colour votes for no direction.
-        moments = torch.cat([moments[:2], moments[2:] + FLAT**2 * known])
+        moments[..., 2] += known
         area = gaussian_blur(moments, 0.5 * config.pooling[1])
         # How strong a band is cancels: what counts is how far its votes agree. Coarse
         # waves give fewer independent votes in the same area.
-        power = area[2] + 1e-9
-        weight = torch.linalg.vector_norm(area[:2], dim=0) / power / wavelength
-        votes = votes + moments * (weight / power)
-        weights = weights + weight
-    votes = votes / weights
+        power = area[..., 2:] + np.float32(1e-9)
+        weight = np.linalg.norm(area[..., :2], axis=2, keepdims=True) / power
+        weight /= np.float32(wave)
+        votes += moments * (weight / power)
+        weights += weight
+    votes /= weights
     areas = (gaussian_blur(votes, 0.5 * sigma) for sigma in config.pooling)
-    return [area[:2] / (area[2] + 1e-3) for area in areas]
+    return [area[..., :2] / (area[..., 2:] + np.float32(1e-3)) for area in areas]
 
 
 @functools.cache
 def vote_noise(config: OrientationConfig) -> tuple[float, ...]:
     """Return the mean square of the pooled votes where a picture is white noise."""
-    import torch
-
     noise = np.random.default_rng(0).standard_normal((256, 256)).astype(np.float32)
-    contrast = torch.from_numpy(noise)
-    levels = pooled_votes(Texture(contrast, torch.ones_like(contrast)), config)
-    return tuple(float((level**2).sum(0).mean()) for level in levels)
+    levels = pooled_votes(Texture(noise, np.ones_like(noise)), config)
+    return tuple(float(np.sum(level**2, axis=2).mean()) for level in levels)

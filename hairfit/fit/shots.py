@@ -116,9 +116,8 @@ def orientation_maps(
         store: Where maps are kept, and taken from.
         progress: Called with the share of them that is done.
     """
-    maps = []
-    for i, view in enumerate(views):
-        progress(i / len(views))
+
+    def found_in(view: View) -> OrientationMap:
         saved = store.load(f"orientation-{view.name}")
         if saved is None:
             found = estimate_orientation(view.image, view.hair)
@@ -127,7 +126,12 @@ def orientation_maps(
                 for name in ("angle", "confidence", "sigma")
             }
             store.save(f"orientation-{view.name}", saved)
-        maps.append(OrientationMap(**saved))
+        return OrientationMap(**saved)
+
+    maps = []
+    for found in abreast(found_in, views):
+        maps.append(found)
+        progress(len(maps) / len(views))
     return maps
 
 
