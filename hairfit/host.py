@@ -15,3 +15,13 @@ def on_device(values: Any, dtype: DTypeLike | Any = None) -> Array:
     (jax 0.10). Outside `jit` only; who changes `values` later may change the array.
     """
     return jax.device_put(np.asarray(values, dtype))
+
+
+def more_rows(values: Any, count: int) -> np.ndarray:
+    """Return an array of at least so many rows, the last one again and again.
+
+    On the host: what is compiled for `count` rows then serves fewer as well.
+    """
+    values = np.asarray(values)
+    spare = max(0, count - len(values))
+    return np.pad(values, [(0, spare), *[(0, 0)] * (values.ndim - 1)], mode="edge")

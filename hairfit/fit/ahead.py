@@ -1,15 +1,17 @@
-"""Programs that are compiled on the other core while photographs are looked at.
+"""Programs that are compiled on other cores while photographs are looked at.
 
 Nothing here changes what a fit finds: it only calls what will be called later, with
 arrays of the same shapes, so that it need not be compiled when its turn comes.
 """
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 from numpy.typing import DTypeLike
@@ -18,13 +20,22 @@ from ..capture.scalp_wrap import cap_weights
 from ..host import on_device
 from ..model.collide import DistanceField
 from ..model.contour import ANGLES
-from ..model.cylinder import GeneralizedCylinder, frames_of, together
+from ..model.cylinder import GeneralizedCylinder, together
 from ..model.maps import even_maps, keep_roots
 from ..model.scalp import SIDE, Scalp, normals_on, points_on, sample_roots
 from ..model.strand import ROUNDS, grow
-from ..model.tree import Clusters, ScalpContour
+from ..model.tree import Clusters, HairTree, ScalpContour
+from ..render.lights import DistantLight
+from ..render.lit import light_at, number
+from ..render.scene import HairLook, Scene, head_places
+from ..types import Mesh
+from .appearance import CASTING, LIGHTS, LIT, PIXELS, SHADOWS, both_terms, some_of
+from .cluster import scalp_metric
+from .cylinders import cylinders_along
 from .density import TEXELS
 from .devices import BY_BOTH, BY_VIEW, EVERYWHERE, device_mesh, put
+from .gather import Rooted
+from .grow import AT_ONCE, GrowConfig, trace
 from .refine import (
     Found,
     Problem,
@@ -37,7 +48,11 @@ from .refine import (
 )
 from .residuals import PULLS, SHRINK, PhotoMaps, Pulls
 from .samples import Samples, grow_placed, place
+from .treeify import on_scalp
 from .volume import DRAWN, Gaps, HairVolume, room_for
+from .wisps import wisp_residuals
+
+MOST_THREADS = 4
 
 
 class Shapes(NamedTuple):
@@ -58,14 +73,22 @@ class Shapes(NamedTuple):
     knots: int
 
 
-@contextmanager
-def compiling_ahead() -> Iterator[Callable[..., None]]:
-    """Give a function that calls others beside what the context does, in their order.
+def spare_threads() -> int:
+    """Return how many programs are compiled at once, beside the other work."""
+    return max(1, min(MOST_THREADS, (os.cpu_count() or 1) // 2))
 
-    The context ends when they are done as well; where it fails, those that wait are
-    left out.
+
+@contextmanager
+def compiling_ahead(threads: int = 1) -> Iterator[Callable[..., None]]:
+    """Give a function that calls others beside what the context does.
+
+    They begin in their order. The context ends when they are done as well; where it
+    fails, those that wait are left out.
+
+    Args:
+        threads: How many are called at once.
     """
-    with ThreadPoolExecutor(1) as beside:
+    with ThreadPoolExecutor(threads) as beside:
         calls: list[Future[None]] = []
         try:
             yield lambda *call: calls.append(beside.submit(*call))
@@ -77,15 +100,44 @@ def compiling_ahead() -> Iterator[Callable[..., None]]:
 
 
 def compile_growth(guides: int, others: Sequence[int]) -> None:
-    """Sample roots of so many guides, and others, on no scalp; weigh its cap."""
+    """Sample roots of so many guides, and others, on no scalp; weigh its cap.
+
+    And ask where they are, as what becomes a tree is asked.
+    """
     scalp = Scalp(on_device(np.zeros((SIDE, SIDE, 3))))
     key = jax.random.key(0)
     uv = sample_roots(scalp, guides, key)
     points_on(scalp, uv)
     normals_on(scalp, uv)
+    on_scalp(scalp, np.zeros((1, 2)))
     for count in others:
         sample_roots(scalp, count, key)
     cap_weights()
+
+
+def compile_paths(shape: tuple[int, int, int], config: GrowConfig) -> None:
+    """Grow along nothing, on a grid of this shape."""
+    space = zeros(*shape, 8), zeros(*shape, 8), zeros(3), zeros()
+    trace(*space, zeros(AT_ONCE, 3), zeros(AT_ONCE, 3), config)
+
+
+def compile_looks(strands: int, points: int, views: int, head: Mesh) -> None:
+    """Light a head, and so many strands as so many photographs show them, by one lamp.
+
+    Args:
+        strands: How many strands the fit has.
+        points: Points of each.
+        views: How many photographs are compared.
+        head: The head.
+    """
+    few = some_of(some_of(np.zeros((strands, points, 3)), LIT), CASTING)
+    scene = Scene(few, look=HairLook(width=1e-4), head=head, shadows=SHADOWS)
+    lamp = DistantLight(on_device(np.array([0.0, 1.0, 0.0])), jnp.ones(3))
+    pixels = np.zeros((views * PIXELS, 3))
+    for places in (pixels, head_places(head)):
+        light_at(places, scene, (lamp,))
+    tangents, ways = on_device(pixels, number()), zeros(LIGHTS, 3, dtype=number())
+    both_terms(tangents, ways, tangents)
 
 
 def compile_refinement(shapes: Shapes, config: RefineConfig) -> None:
@@ -110,12 +162,19 @@ def compile_refinement(shapes: Shapes, config: RefineConfig) -> None:
 def compile_strands(clusters: int, knots: int, count: int, points: int) -> None:
     """Grow so many strands of a tree of about so many clusters, on no scalp.
 
-    And what goes before: the frames of clusters, and which roots a map lets grow.
+    And what goes before: the tree's cylinders are made and compared with strands, and a
+    map lets roots grow.
     """
-    contour, cylinder = empty_clusters(together(clusters), knots)
+    scalp, some = Scalp(zeros(SIDE, SIDE, 3)), together(clusters)
+    contour, cylinder = empty_clusters(some, knots)
+    tree = HairTree(scalp, contour, cylinder, zeros(some), (-1,) * some)
+    strand = Rooted(np.zeros((1, 2)), np.zeros((1, knots, 3)), np.zeros((1, 3, 2)))
+    metric, lines = np.ones(some), np.zeros((some, knots, 3))
+    scalp_metric(scalp, contour)
+    cylinders_along(contour, metric, lines, np.zeros((some, knots, 3, 2)))
+    wisp_residuals(tree, strand, np.zeros(1, int))
     roots = zeros(count, 2), zeros(count, dtype=np.int32), zeros(count)
-    grow(Scalp(zeros(SIDE, SIDE, 3)), contour, cylinder, *roots, points, None)
-    frames_of(cylinder)
+    grow(scalp, contour, cylinder, *roots, points, None)
     key, *_ = jax.random.split(jax.random.key(0), ROUNDS + 1)
     keep_roots(even_maps(TEXELS, TEXELS), zeros(count, 2), key)
 

@@ -30,6 +30,7 @@ from ..render.studio import shared_width, sky_lights
 from ..types import Mesh
 
 PIXELS = 500  # of each photograph
+LIT = 6000  # strands of a fit whose light is compared with photographs
 CASTING = 3000  # strands that cast shadows
 SHADOWS = ShadowStyle(size=128, slices=24)
 SMOOTH = 2.0  # pixels: single hairs of the photograph are not those of the fit
@@ -136,7 +137,7 @@ def find_appearance(
     """
     around = sky_lights((1.0, 1.0, 1.0), LIGHTS)
     ways = unit(np.stack([np.asarray(one.to_light, np.float64) for one in around]))
-    few = strands[:: -(-len(strands) // CASTING)]
+    few = some_of(strands, CASTING)
     total_width = len(strands) * narrowest_width(strands, sights)
     look = HairLook(width=total_width / len(few))
     scene = Scene(few, look=look, head=head, shadows=SHADOWS)
@@ -156,6 +157,13 @@ def find_appearance(
     # More light, where a head would otherwise have to send back more than skin does.
     more = max(1.0, max(skin) / LIGHTEST_SKIN)
     return brightened(looks._replace(skin=skin), more)
+
+
+def some_of(
+    strands: Float[np.ndarray, "strands knots 3"], most: int
+) -> Float[np.ndarray, "_strands knots 3"]:
+    """Return every so many-th strand, such that there are no more than `most`."""
+    return strands[:: -(-len(strands) // most)]
 
 
 def light_pixels(
@@ -195,7 +203,7 @@ def light_pixels(
     lights = tuple(DistantLight(on_device(way), jnp.ones(3)) for way in ways)
     share = np.asarray(light_at(at, scene, lights).radiance)[..., 0].T
     given = unit(np.concatenate(tangents)), ways, unit(np.concatenate(eyes))
-    sent = _sent(*(on_device(part, number()) for part in given))
+    sent = both_terms(*(on_device(part, number()) for part in given))
     diffuse, mirror = (np.asarray(part, np.float64) for part in sent)
     return Lit(
         np.concatenate(seen), np.concatenate(view), share * diffuse, mirror, share
@@ -232,7 +240,7 @@ def skin_colour(
 
 
 @jax.jit
-def _sent(tangents, ways, eyes):
+def both_terms(tangents, ways, eyes):
     """Return both terms of `kajiya_kay` of all pixels in all lights."""
     one, none = jnp.ones(3, number()), jnp.zeros(3, number())
 

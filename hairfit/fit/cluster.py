@@ -7,6 +7,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.cluster.vq import kmeans2
 
+from ..host import more_rows, on_device
+from ..model.cylinder import together
 from ..model.scalp import Scalp, scalp_tangents
 from ..model.tree import ScalpContour
 
@@ -15,8 +17,11 @@ _tangents_on = jax.jit(jax.vmap(scalp_tangents, (None, 0)))
 
 def scalp_metric(scalp: Scalp, contour: ScalpContour) -> Float[np.ndarray, " clusters"]:
     """Return metres on the scalp for 1 of scalp space at each contour's centre."""
-    tangents = _tangents_on(scalp, contour.centre)
-    area = np.cross(np.asarray(tangents.u), np.asarray(tangents.v))
+    # Filled up, so that trees of about as many clusters share a program.
+    count = len(contour.centre)
+    centre = more_rows(contour.centre, together(count))
+    tangents = _tangents_on(scalp, on_device(centre))
+    area = np.cross(np.asarray(tangents.u), np.asarray(tangents.v))[:count]
     return np.sqrt(np.linalg.norm(area, axis=1))
 
 

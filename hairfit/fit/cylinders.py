@@ -10,8 +10,8 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float, Int
 
-from ..host import on_device
-from ..model.cylinder import GeneralizedCylinder, cylinder_frames, frames_of
+from ..host import more_rows, on_device
+from ..model.cylinder import GeneralizedCylinder, cylinder_frames, frames_of, together
 from ..model.section import with_section_maps
 from ..model.strand import strand_knots
 from ..model.tree import HairTree, ScalpContour
@@ -188,23 +188,26 @@ def cylinders_along(
         skeleton: The strands at the contours' centres.
         maps: How a strand's knots move in metres with its root, in metres along u, v.
     """
-    count, knots = skeleton.shape[:2]
-    normal = maps[:, 0, :, 0]
-    radius = np.asarray(contour.radius) * metric
-    offset = np.asarray(contour.offset) * metric[:, None]
+    # Filled up, so that trees of about as many clusters share a program.
+    count, room = len(skeleton), together(len(skeleton))
+    maps, skeleton = more_rows(maps, room), more_rows(skeleton, room)
+    radius = more_rows(np.asarray(contour.radius) * metric, room)
+    offset = more_rows(np.asarray(contour.offset) * metric[:, None], room)
+    knots = skeleton.shape[1]
     plain = jax.vmap(GeneralizedCylinder)(
         on_device(skeleton),
-        on_device(normal),
-        jnp.tile(on_device(radius)[:, None], (1, knots)),
-        jnp.tile(on_device(offset)[:, None], (1, knots, 1)),
-        jnp.ones((count, knots, 2)),
-        jnp.zeros((count, knots)),
-        jnp.zeros((count, knots)),
+        on_device(maps[:, 0, :, 0]),
+        on_device(np.tile(radius[:, None], (1, knots))),
+        on_device(np.tile(offset[:, None], (1, knots, 1))),
+        on_device(np.ones((room, knots, 2))),
+        on_device(np.zeros((room, knots))),
+        on_device(np.zeros((room, knots))),
     )
     frames = frames_of(plain)
     across = np.stack([np.asarray(frames.normal), np.asarray(frames.binormal)], axis=2)
-    sections = on_device(np.einsum("gkij,gkjl->gkil", across, maps))
-    return _with_sections(plain, sections.astype(plain.scale.dtype))
+    sections = np.einsum("gkij,gkjl->gkil", across, maps)
+    found = _with_sections(plain, on_device(sections, plain.scale.dtype))
+    return jax.tree.map(lambda leaf: on_device(np.asarray(leaf)[:count]), found)
 
 
 _with_sections = jax.jit(jax.vmap(with_section_maps))

@@ -23,6 +23,9 @@ AT_ONCE = 512  # strands that are traced together
 CIRCLE, ROUND = 0.06, 0.35
 
 
+STEEPEST_CURLS = 0.1  # see `GrowConfig.steepest`
+
+
 @dataclasses.dataclass(frozen=True)
 class GrowConfig:
     """How strands grow. Metres."""
@@ -40,6 +43,16 @@ class GrowConfig:
     """Share of the last direction that a strand keeps where the field is sure."""
     spread: float = 0.15
     """Share of the flow across the field that strands follow, to fill the hull."""
+
+
+def steps_on(spacing: float, *, curly: bool = False) -> GrowConfig:
+    """Return how strands grow on a grid of a spacing, in metres.
+
+    Locks of curly hair do not slide along the hull, where only the sides of turns are:
+    they end where they leave it.
+    """
+    steepest = STEEPEST_CURLS if curly else GrowConfig.steepest
+    return GrowConfig(step=max(GrowConfig.step, 0.8 * spacing), steepest=steepest)
 
 
 class _State(NamedTuple):
@@ -97,7 +110,7 @@ def grow(
         for one in (roots, normals)
     )
     paths = [
-        np.asarray(_trace(*space, on_device(start), on_device(outward), config))
+        np.asarray(trace(*space, on_device(start), on_device(outward), config))
         for start, outward in zip(starts, outwards, strict=True)
     ]
     path = np.concatenate(paths, axis=1)[:, : len(roots)].astype(np.float64)
@@ -129,7 +142,7 @@ def uncircled(
 
 
 @jax.jit(static_argnames="config")
-def _trace(
+def trace(
     channels: Float[Array, "x y z 8"],
     lines: Float[Array, "x y z 8"],
     origin: Float[Array, " 3"],

@@ -28,11 +28,14 @@ from ..types import Mesh, Strands, along_paths, resample_paths
 from .ahead import (
     Shapes,
     compile_growth,
+    compile_looks,
+    compile_paths,
     compile_refinement,
     compile_strands,
     compiling_ahead,
+    spare_threads,
 )
-from .appearance import Appearance, find_appearance
+from .appearance import LIT, Appearance, find_appearance, some_of
 from .branches import with_branches
 from .bridges import bridged
 from .checkpoint import Checkpoint
@@ -46,7 +49,7 @@ from .derive import Derived, derive_hair, with_spare
 from .evidence import Field
 from .flow import hair_field, hair_flow
 from .gather import Rooted, gather_strands
-from .grow import GrowConfig, grow
+from .grow import grow, steps_on
 from .hull import Hull, carve
 from .prune import prune
 from .refine import Photographs, RefineConfig, refine
@@ -82,9 +85,6 @@ Progress = Callable[[str, float], None]
 # Strands shorter than this did not grow: their roots are bare. Metres.
 SHORTEST = 0.004
 FEWEST_GROWN = 50
-# Locks of curly hair do not slide along the hull, where only the sides of turns are:
-# they end where they leave it, see `GrowConfig.steepest`.
-STEEPEST_CURLS = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,7 +137,6 @@ PRESETS = {
 }
 STRAND_POINTS = 40
 GROWN_POINTS = 40  # of a strand as it grows, before it gets the knots of a skeleton
-LIT = 6000  # strands whose light is compared with photographs
 
 
 class FitResult(NamedTuple):
@@ -320,7 +319,7 @@ def _first_tree(
     What the refinement needs is compiled meanwhile, for trees of so many clusters.
     """
     preset = PRESETS[config.quality]
-    with compiling_ahead() as ahead:
+    with compiling_ahead(spare_threads()) as ahead:
         spared = with_spare(config.strands)
         ahead(compile_growth, preset.guides, (preset.refine.strands, spared))
         progress("measuring the head", 0.0)
@@ -331,8 +330,10 @@ def _first_tree(
         sights = coarser_sights(shots, hull)
         size = largest([sight.view for sight in sights])
         shapes = Shapes(len(views), size, hull.grid.shape, room, preset.knots)
-        ahead(compile_refinement, shapes, preset.refine)
+        ahead(compile_paths, hull.grid.shape, steps_on(preset.spacing))
         ahead(compile_strands, room, preset.knots, spared, STRAND_POINTS)
+        ahead(compile_refinement, shapes, preset.refine)
+        ahead(compile_looks, config.strands, STRAND_POINTS, len(views), head)
         hull = carve_corners(hull, views, depths)
         all_maps = orientation_maps(
             shots.trusted.views,
@@ -418,8 +419,7 @@ def _grow(
     saved = store.load("grown")
     if saved is None:
         uv, start, normals = roots
-        steepest = STEEPEST_CURLS if curls.radius > 0.0 else GrowConfig.steepest
-        step = GrowConfig(step=max(0.003, 0.8 * preset.spacing), steepest=steepest)
+        step = steps_on(preset.spacing, curly=curls.radius > 0.0)
         flow = hair_flow(hull, field, start)
         strands = grow(hull, field, flow, start, normals, GROWN_POINTS, step)
         some = along_paths(strands)[:, -1] > SHORTEST
@@ -448,8 +448,7 @@ def _tree(
     saved = store.load("cylinders")
     if saved is not None:
         return load_tree(store.path("tree.hairtree")), float(saved["error"])
-    ground = np.asarray(on_scalp(scalp, on_device(uv, scalp.control.dtype)).slope)
-    rooted = Rooted(uv, strands, np.asarray(ground, np.float64))
+    rooted = Rooted(uv, strands, on_scalp(scalp, uv).slope)
     gathering = TreeifyConfig(
         preset.leaves, preset.levels, preset.knots, seed=config.seed
     )
@@ -472,8 +471,7 @@ def _looks(hair: Derived, first: First, head: Mesh, seed: int) -> Appearance | N
     Photographs that are not used are taken to be exposed as the others.
     """
     points = even_strands(hair.strands).astype(np.float64)
-    some = points[:: -(-len(points) // LIT)]
-    found = find_appearance(some, first.sights, head, seed)
+    found = find_appearance(some_of(points, LIT), first.sights, head, seed)
     if found is None:
         return None
     exposure = np.ones(len(first.shots.trusted.views))

@@ -14,7 +14,6 @@ Computation 87).
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
@@ -84,10 +83,8 @@ def settled(
         root.append(mine[matched(uv[mine], lines, slope)])
     chosen, at = np.concatenate(strand), np.concatenate(root)
     knots = led_to(rooted.knots[chosen], places[at])
-    ground = on_scalp(scalp, jnp.asarray(uv[at], scalp.control.dtype)).slope
-    return Settled(
-        Rooted(uv[at], knots, np.asarray(ground, np.float64)), numbered(piece[at])
-    )
+    rooted = Rooted(uv[at], knots, on_scalp(scalp, uv[at]).slope)
+    return Settled(rooted, numbered(piece[at]))
 
 
 def pieces(

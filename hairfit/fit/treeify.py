@@ -32,6 +32,8 @@ STARVED, STARVED_ROUNDS = 0.3, 3
 BEYOND = 0.5
 # Leaves where no number is asked for, and strands for each of them at least.
 LEAVES, STRANDS_A_LEAF = 500, 5
+# Places of the scalp that are looked up at once.
+AT_ONCE = 4096
 # Strands of no more than this have no direction. Metres.
 SHORTEST = 1e-6
 
@@ -181,25 +183,38 @@ def root_strands(strands: Strands, scalp: Scalp, knots: int) -> OnScalp:
     """Return the strands at even shares of their length, rooted on the scalp."""
     lines = strands.resample(knots)
     uv = root_places(scalp, lines[:, 0])
-    point, ground = on_scalp(scalp, jnp.asarray(uv, scalp.control.dtype))
-    apart = np.linalg.norm(np.asarray(point) - lines[:, 0], axis=1)
+    point, ground = on_scalp(scalp, uv)
+    apart = np.linalg.norm(point - lines[:, 0], axis=1)
     lines[:, 0] = point
-    return OnScalp(Rooted(uv, lines, np.asarray(ground, np.float64)), apart)
+    return OnScalp(Rooted(uv, lines, ground), apart)
 
 
 class Ground(NamedTuple):
-    """Points of the scalp, and how they move with u and v."""
+    """Points of the scalp, and how they move with u and v, in metres."""
 
-    point: Float[Array, "points 3"]
-    slope: Float[Array, "points 3 2"]
+    point: Float[np.ndarray, "points 3"]
+    slope: Float[np.ndarray, "points 3 2"]
+
+
+def on_scalp(scalp: Scalp, uv: Float[np.ndarray | Array, "points 2"]) -> Ground:
+    """Return the scalp's points and slopes at many places.
+
+    So many at once, or each number of places would be compiled anew.
+    """
+    places = np.pad(np.asarray(uv), [(0, -len(uv) % AT_ONCE), (0, 0)])
+    found = [
+        _on_scalp(scalp, on_device(some, scalp.control.dtype))
+        for some in places.reshape(-1, AT_ONCE, 2)
+    ]
+    rows = (np.concatenate(part)[: len(uv)] for part in zip(*found, strict=True))
+    return Ground(*(np.asarray(row, np.float64) for row in rows))
 
 
 @jax.jit
-def on_scalp(scalp: Scalp, uv: Float[Array, "points 2"]) -> Ground:
-    """Return the scalp's points and slopes at many places."""
+def _on_scalp(scalp: Scalp, uv: Float[Array, "points 2"]):
     point = jax.vmap(scalp_point, (None, 0))(scalp, uv)
     tangents = jax.vmap(scalp_tangents, (None, 0))(scalp, uv)
-    return Ground(point, jnp.stack(tangents, axis=-1))
+    return point, jnp.stack(tangents, axis=-1)
 
 
 def gather_levels(rooted: Rooted, leaves: int, config: TreeifyConfig) -> Levels:
@@ -280,7 +295,7 @@ def first_contours(rooted: Rooted, levels: Levels) -> ScalpContour:
                 rooted.uv, label - first, middle, against=AGAINST, margin=margin
             )
         )
-    return jax.tree.map(lambda *rows: jnp.concatenate(rows), *parts)
+    return jax.tree.map(lambda *rows: on_device(np.concatenate(rows)), *parts)
 
 
 def fed_contours(
@@ -301,11 +316,12 @@ def fed_contours(
     drawn = draw_contours(
         rooted.uv, leaf - first, centre, against=AGAINST, margin=margin
     )
-    return jax.tree.map(
-        lambda old, new: jnp.concatenate([old[:first], new.astype(old.dtype)]),
-        tree.contour,
-        drawn,
-    )
+
+    def joined(old, new):
+        rows = [np.asarray(old)[:first], np.asarray(new, old.dtype)]
+        return on_device(np.concatenate(rows))
+
+    return jax.tree.map(joined, tree.contour, drawn)
 
 
 def plain_tree(
@@ -319,7 +335,7 @@ def plain_tree(
     skeleton = maps.curve + np.einsum("gkxi,gi->gkx", maps.slope, moved)
     per_metre = maps.slope / metric[:, None, None, None]
     cylinder = cast(cylinders_along(contour, metric, skeleton, per_metre), kind)
-    still = jnp.zeros(len(parent), kind)
+    still = on_device(np.zeros(len(parent)), kind)
     return HairTree(scalp, contour, cylinder, still, parent)
 
 
@@ -328,4 +344,4 @@ Cast = TypeVar("Cast", ScalpContour, GeneralizedCylinder)
 
 def cast(module: Cast, kind) -> Cast:
     """Return a module in the scalp's precision."""
-    return jax.tree.map(lambda leaf: leaf.astype(kind), module)
+    return jax.tree.map(lambda leaf: on_device(leaf, kind), module)

@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..host import on_device
-from ..model.cylinder import cylinder_frames
+from ..model.cylinder import cylinder_frames, together
 from ..model.strand import strand_knots
-from ..model.tree import HairTree
+from ..model.tree import HairTree, filled
 from ..model.wisp import Wisps, nearest_wisp
 from .cluster import kmeans
 from .gather import Rooted
@@ -18,8 +18,8 @@ from .gather import Rooted
 PLACE_WEIGHT = 0.5
 # A leaf has so many wisps at least, or none.
 FEWEST = 2
-# Strands whose residuals are found at once.
-CHUNK = 8192
+# Strands whose residuals are found at once, however few there are: one program.
+CHUNK = 4096
 
 
 def wisp_residuals(
@@ -33,18 +33,24 @@ def wisp_residuals(
         owner: The leaf of each strand.
     """
     kind = tree.scalp.control.dtype
-    found = [np.zeros((0, *rooted.knots.shape[1:]))]
-    for i in range(0, len(owner), CHUNK):
+    contour, cylinder = filled(tree, together(tree.count))
+    spare = -len(owner) % CHUNK
+    uv, owners, knots = (
+        np.pad(one, [(0, spare), *[(0, 0)] * (one.ndim - 1)])
+        for one in (rooted.uv, owner, rooted.knots)
+    )
+    found = [np.zeros((0, *knots.shape[1:]))]
+    for i in range(0, len(owners), CHUNK):
         some = slice(i, i + CHUNK)
         rest = _residuals(
-            tree.contour,
-            tree.cylinder,
-            on_device(rooted.uv[some], kind),
-            on_device(owner[some], jnp.int32),
-            on_device(rooted.knots[some], kind),
+            contour,
+            cylinder,
+            on_device(uv[some], kind),
+            on_device(owners[some], jnp.int32),
+            on_device(knots[some], kind),
         )
         found.append(np.asarray(rest, np.float64))
-    return np.concatenate(found)
+    return np.concatenate(found)[: len(owner)]
 
 
 @jax.jit

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, ScalarLike
 
 # What is said of a cluster that no fit has measured: metres, radians.
 UNKNOWN_POSITION = 0.05
@@ -40,11 +41,14 @@ class TreeConfidence(eqx.Module):
             radius: Largest distance that counts as right, in metres.
             angle: Largest angle that counts as right, in radians.
         """
+        place = _within(radius, self.sigma_position)
+        return place * _within(angle, self.sigma_angle)
 
-        def within(limit, sigma):
-            return -jnp.expm1(-0.5 * (float(limit) / jnp.maximum(sigma, 1e-9)) ** 2)
 
-        return within(radius, self.sigma_position) * within(angle, self.sigma_angle)
+@jax.jit
+def _within(limit: ScalarLike, sigma: Float[Array, " clusters"]) -> Array:
+    """Return how likely an error in two directions is smaller than a limit."""
+    return -jnp.expm1(-0.5 * (limit / jnp.maximum(sigma, 1e-9)) ** 2)
 
 
 def unknown_confidence() -> TreeConfidence:

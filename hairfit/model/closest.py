@@ -12,7 +12,7 @@ from .vector import TINY, norm
 
 # Samples of the skeleton between two knots, for a first guess.
 PER_SEGMENT = 8
-ROOT_STEPS = 10
+ROOT_STEPS = 16
 # A root counts as found within this share of a sample's distance from the next.
 FOUND = 1e-3
 # Beyond this share of the radius of curvature the closest point is not to be trusted.

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..host import on_device
+from ..host import more_rows, on_device
 from .contour import contour_radius
 from .curve import EXACT, catmull_rom_weights, linear_weights
 from .frame import Frames, rotation_minimising_frames
@@ -86,13 +86,10 @@ def frames_of(cylinder: GeneralizedCylinder) -> Frames:
     compiled program. Runs outside `jit`.
     """
     count = len(cylinder.skeleton)
-    spare = together(count) - count
-    given = (
-        # On the host: no program for each shape.
-        np.pad(np.asarray(x), [(0, spare), *[(0, 0)] * (x.ndim - 1)], mode="edge")
-        for x in (cylinder.skeleton, cylinder.normal)
+    found = _stacked_frames(
+        on_device(more_rows(cylinder.skeleton, together(count))),
+        on_device(more_rows(cylinder.normal, together(count))),
     )
-    found = _stacked_frames(*map(on_device, given))
     return Frames(*(on_device(np.asarray(leaf)[:count]) for leaf in found))
 
 

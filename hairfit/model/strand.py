@@ -261,8 +261,7 @@ def sample_hair(
         found += len(owners[-1])
     uv = on_device(np.concatenate(roots)[:count])
     owner = on_device(np.concatenate(owners)[:count])
-    vary = jax.random.uniform(eta_key, owner.shape, uv.dtype)
-    eta = 1.0 - tree.length_variation[owner] * vary
+    eta = _varied(tree.length_variation, owner, uv, eta_key)
     roomy = with_room(tree)
     if tree.maps is None:
         return Hair(grow_strands(roomy, uv, owner, eta, points), uv, owner, eta)
@@ -271,3 +270,15 @@ def sample_hair(
     strands = grow_strands(roomy, uv, owner, eta, points)
     strands = curl_each(strands, painted.curl, jax.random.fold_in(eta_key, 1))
     return Hair(strands, uv, owner, eta)
+
+
+@jax.jit
+def _varied(
+    variation: Float[Array, " clusters"],
+    owner: Int[Array, " strands"],
+    uv: Float[Array, "strands 2"],
+    key: PRNGKeyArray | UInt32[Array, " 2"],
+) -> Float[Array, " strands"]:
+    """Return what share of their clusters' lengths strands reach."""
+    vary = jax.random.uniform(key, owner.shape, uv.dtype)
+    return 1.0 - variation[owner] * vary

@@ -11,7 +11,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int, ScalarLike
 
-from ..host import on_device
+from ..host import more_rows, on_device
 from .certainty import TreeConfidence, heirs, unknown_confidence
 from .contour import ANGLES, contour_radius
 from .cylinder import GeneralizedCylinder
@@ -92,14 +92,11 @@ class Clusters(NamedTuple):
 
 def filled(tree: HairTree, room: int) -> Clusters:
     """Return a tree's clusters, the last again and again up to `room` of them."""
-    spare = [(0, max(0, room - tree.count))]
-
-    def more(leaf):
-        rest = spare + [(0, 0)] * (leaf.ndim - 1)
-        # On the host: no program for each shape.
-        return on_device(np.pad(np.asarray(leaf), rest, mode="edge"))
-
-    return Clusters(*jax.tree.map(more, (tree.contour, tree.cylinder)))
+    return Clusters(
+        *jax.tree.map(
+            lambda leaf: on_device(more_rows(leaf, room)), (tree.contour, tree.cylinder)
+        )
+    )
 
 
 def stack(modules: Sequence[Stackable]) -> Stackable:

@@ -1,24 +1,36 @@
+import dataclasses
 import threading
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
-from ball_hair import HEIGHT, WIDTH, dome
+from ball_hair import HEIGHT, RADIUS, WIDTH, ball, comb, dome, photograph, ring
 from refine_case import refine_case
 
+from hairfit.evaluate.visibility import Sight
 from hairfit.fit.ahead import (
     Shapes,
     compile_growth,
+    compile_looks,
+    compile_paths,
     compile_refinement,
     compile_strands,
     compiling_ahead,
 )
+from hairfit.fit.appearance import both_terms, find_appearance
+from hairfit.fit.evidence import Field
+from hairfit.fit.grid import Grid
+from hairfit.fit.grow import grow as grow_paths
+from hairfit.fit.grow import steps_on, trace
+from hairfit.fit.hull import Hull
 from hairfit.fit.refine import RefineConfig, descend, move, refine
 from hairfit.fit.samples import grow_placed, place
 from hairfit.model import sample_roots
 from hairfit.model.scalp import area_up_to, normals_on, points_on, roots_in
 from hairfit.model.strand import grow, sample_hair
+from hairfit.render.lit import arriving, volume_of
 
 CONFIG = RefineConfig(rounds=2, steps=2, strands=300, points=9)
 KNOTS = 7
@@ -90,6 +102,38 @@ def test_a_refinement_compiles_nothing_anew():
     tree, samples, seen, volume, places, _ = case
     refine(tree, samples, seen, volume, places, CONFIG, room=5)
     assert programs(place, grow_placed, descend, move) == before
+
+
+def test_paths_compile_nothing_anew():
+    shape = (9, 8, 7)
+    compile_paths(shape, steps_on(0.004))
+    before = programs(trace)
+    hair = np.ones(shape, bool)
+    hull = Hull(Grid(np.zeros(3), 0.004, shape), hair, -1.0 * hair, 1.0 * hair)
+    along = np.ones((*shape, 3))
+    roots = np.full((3, 3), 0.01)
+    config = steps_on(0.004)
+    grow_paths(hull, Field(along, 1.0 * hair), along, roots, roots, KNOTS, config)
+    assert programs(trace) == before
+
+
+def test_light_compiles_nothing_anew():
+    """Whatever shows the hair: as many photographs of it, with as many pixels each."""
+    rng = np.random.default_rng(0)
+    roots = rng.normal(size=(700, 3))
+    roots[:, 1] = np.abs(roots[:, 1]) + 0.3
+    roots *= RADIUS / np.linalg.norm(roots, axis=1, keepdims=True)
+    strands, head = comb(roots, knots=60), ball()
+    compile_looks(700, 60, 2, head)
+    before = programs(volume_of, arriving, both_terms)
+    taken = photograph(strands, ring(2), head)
+    grey = [
+        dataclasses.replace(view, image=np.full_like(view.image, 0.2))
+        for view in taken.views
+    ]
+    sights = list(map(Sight, grey, taken.depths))
+    assert find_appearance(strands, sights, head) is not None
+    assert programs(volume_of, arriving, both_terms) == before
 
 
 def test_strands_compile_nothing_anew():
