@@ -20,7 +20,7 @@ from ..capture.scalp_wrap import cap_weights
 from ..host import on_device
 from ..model.collide import DistanceField
 from ..model.contour import ANGLES
-from ..model.cylinder import GeneralizedCylinder, together
+from ..model.cylinder import GeneralizedCylinder, frames_of, together
 from ..model.maps import even_maps, keep_roots
 from ..model.scalp import SIDE, Scalp, normals_on, points_on, sample_roots
 from ..model.strand import ROUNDS, grow
@@ -209,6 +209,7 @@ def empty_problem(shapes: Shapes, config: RefineConfig) -> Problem:
     samples = Samples(zeros(config.strands, 2), zeros(config.strands, dtype=np.int32))
     return Problem(
         clusters.cylinder,
+        frames_of(clusters.cylinder),
         zeros(count, dtype=np.int32),
         place(Scalp(zeros(SIDE, SIDE, 3)), clusters, samples),
         PhotoMaps(

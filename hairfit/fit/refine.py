@@ -20,8 +20,15 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..capture.capture import View
 from ..host import on_device
-from ..model.cylinder import GeneralizedCylinder, cylinder_frames
-from ..model.detail import contours_around
+from ..model.cylinder import (
+    GeneralizedCylinder,
+    cylinder_frames,
+    frames_of,
+    knot_sections,
+    section_points,
+)
+from ..model.detail import PAIRS
+from ..model.frame import Frames
 from ..model.tree import HairTree, depths_of, filled
 from .devices import BY_BOTH, BY_STRAND, BY_VIEW, EVERYWHERE, device_mesh, put
 from .residuals import (
@@ -99,6 +106,7 @@ class Problem(NamedTuple):
 
     Attributes:
         cylinder: The clusters as they were before this level.
+        frames: Their frames.
         level: Their levels; -1 for those that only fill the arrays.
         placed: The strands that are compared.
         maps: What photographs say.
@@ -106,6 +114,7 @@ class Problem(NamedTuple):
     """
 
     cylinder: GeneralizedCylinder
+    frames: Frames
     level: Int[Array, " clusters"]
     placed: Placed
     maps: PhotoMaps
@@ -122,6 +131,14 @@ class Turn(NamedTuple):
 
     level: Int[Array, ""]
     above: Int[Array, " clusters"]
+
+
+class Guide(NamedTuple):
+    """What those below a cluster are carried by: its skeleton, frames and twist."""
+
+    skeleton: Float[Array, "knots 3"]
+    frames: Frames
+    twist: Float[Array, " knots"]
 
 
 def refine(
@@ -152,20 +169,13 @@ def refine(
     """
     config = config or RefineConfig()
     views, depths, maps = photographs
-    spare = max(0, room - tree.count)
-    depth = depths_of(tree.parent)
-    level = on_device(np.pad(depth, (0, spare), constant_values=-1), jnp.int32)
-    clusters = filled(tree, room)
-    placed = place(tree.scalp, clusters, samples)
-    problem = Problem(clusters.cylinder, level, placed, maps, volume)
     mesh = device_mesh(len(views), len(samples.owner))
-    problem = shared_out(problem, mesh)
+    problem = shared_out(problem_of(tree, samples, maps, volume, room), mesh)
     steps = on_device(config.steps, jnp.int32)
-    count = int(depth.max()) + 1
+    count = int(depths_of(tree.parent).max()) + 1
     done = 0
     for at in range(count):
-        above = [*ancestors(tree.parent, at), *range(tree.count, tree.count + spare)]
-        turn = Turn(on_device(at, jnp.int32), on_device(above, jnp.int32))
+        turn = turn_of(tree, at, room)
         moves = still(problem.cylinder)
         before = grow_placed(problem.cylinder, problem.placed, config.points)
         current = move(problem, moves, turn)
@@ -182,11 +192,35 @@ def refine(
             current = move(problem, moves, turn)
             done += 1
             progress(done / (count * config.rounds))
-        problem = problem._replace(cylinder=current)
+        problem = problem._replace(cylinder=current, frames=frames_of(current))
     refined = jax.tree.map(
         lambda leaf: on_device(np.asarray(leaf)[: tree.count]), problem.cylinder
     )
     return eqx.tree_at(lambda t: t.cylinder, tree, refined)
+
+
+def problem_of(
+    tree: HairTree, samples: Samples, maps: PhotoMaps, volume: HairVolume, room: int = 0
+) -> Problem:
+    """Return what a loss needs, in arrays that hold `room` clusters or more."""
+    spare = max(0, room - tree.count)
+    level = np.pad(depths_of(tree.parent), (0, spare), constant_values=-1)
+    clusters = filled(tree, room)
+    return Problem(
+        clusters.cylinder,
+        frames_of(clusters.cylinder),
+        on_device(level, jnp.int32),
+        place(tree.scalp, clusters, samples),
+        maps,
+        volume,
+    )
+
+
+def turn_of(tree: HairTree, level: int, room: int = 0) -> Turn:
+    """Return the turn of a level, in arrays that hold `room` clusters or more."""
+    spare = range(tree.count, max(room, tree.count))
+    above = [*ancestors(tree.parent, level), *spare]
+    return Turn(on_device(level, jnp.int32), on_device(above, jnp.int32))
 
 
 def ancestors(parent: tuple[int, ...], level: int) -> list[int]:
@@ -232,11 +266,10 @@ def moved(problem: Problem, moves: Moves, turn: Turn) -> GeneralizedCylinder:
             add(before.shear, moves.shear),
         ),
     )
-    carried = jax.vmap(carry)(
-        jax.tree.map(lambda leaf: leaf[turn.above], before),
-        jax.tree.map(lambda leaf: leaf[turn.above], after),
-        before.skeleton,
-    )
+    old = Guide(before.skeleton, problem.frames, before.twist)
+    new = Guide(after.skeleton, jax.vmap(cylinder_frames)(after), after.twist)
+    old, new = jax.tree.map(lambda leaf: leaf[turn.above], (old, new))
+    carried = jax.vmap(carry)(old, new, before.skeleton)
     follows = problem.level > turn.level
     kept = jnp.where(follows[:, None, None], carried, after.skeleton)
     return eqx.tree_at(lambda c: c.skeleton, after, kept)
@@ -256,11 +289,29 @@ def paces(cylinder: GeneralizedCylinder) -> Float[Array, " clusters"]:
     """
     ways = jnp.diff(cylinder.skeleton, axis=1)
     apart = jnp.mean(jnp.sqrt(jnp.sum(ways**2, axis=2) + SHORTEST**2), axis=1)
-    rim = contours_around(cylinder) - cylinder.skeleton[:, None]
-    wide = jnp.sqrt(jnp.mean(jnp.sum(rim**2, axis=3), axis=(1, 2)) + SHORTEST**2)
+    wide = jnp.sqrt(jnp.mean(squared_widths(cylinder), axis=(1, 2)) + SHORTEST**2)
     bends, tilts = apart / FULL_PACE, apart / (STEADY * wide)
     pace = jnp.minimum(bends, 1.0) * jnp.minimum(tilts, 1.0)
     return jnp.maximum(pace, LEAST_PACE)
+
+
+def squared_widths(
+    cylinder: GeneralizedCylinder,
+) -> Float[Array, "clusters angles knots"]:
+    """Return the squared distances of contours from their skeletons, all around."""
+    dtype = cylinder.skeleton.dtype
+    angle = jnp.arange(2 * PAIRS, dtype=dtype) * (jnp.pi / PAIRS)
+    # They are the same in any frames, about any skeleton.
+    centre = jnp.zeros(cylinder.skeleton.shape[1:], dtype)
+    axes = Frames(
+        *(jnp.broadcast_to(row, centre.shape) for row in jnp.eye(3, dtype=dtype))
+    )
+
+    def one(mine, theta):
+        sections = knot_sections(mine, axes, theta)._replace(centre=centre)
+        return jnp.sum(section_points(sections, 1.0, theta) ** 2, axis=1)
+
+    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(cylinder, angle)
 
 
 def stretched(
@@ -287,17 +338,13 @@ def turns(
 
 
 def carry(
-    before: GeneralizedCylinder,
-    after: GeneralizedCylinder,
-    skeleton: Float[Array, "knots 3"],
+    before: Guide, after: Guide, skeleton: Float[Array, "knots 3"]
 ) -> Float[Array, "knots 3"]:
     """Return a skeleton after an ancestor's cylinder has changed.
 
     Its knot `k` keeps its coordinates in the frame at knot `k` of the ancestor.
     """
-    old, new = cylinder_frames(before), cylinder_frames(after)
-    axes = jnp.stack([old.tangent, old.normal, old.binormal], axis=1)
-    turned = jnp.stack([new.tangent, new.normal, new.binormal], axis=1)
+    axes, turned = (jnp.stack(one.frames, axis=1) for one in (before, after))
     local = jnp.einsum("kij,kj->ki", axes, skeleton - before.skeleton)
     twist = after.twist - before.twist
     cos, sin = jnp.cos(twist), jnp.sin(twist)

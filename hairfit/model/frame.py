@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .vector import perpendicular, reject, unit
+from .vector import TINY, perpendicular, reject, unit
 
 
 class Frames(NamedTuple):
@@ -30,12 +30,11 @@ def tangents(skeleton: Float[Array, "knots 3"]) -> Float[Array, "knots 3"]:
             skeleton[-1:] - skeleton[-2:-1],
         ]
     )
-
-    def step(before, v):
-        tangent = unit(v, before)
-        return tangent, tangent
-
-    return jax.lax.scan(step, jnp.array([0.0, 1.0, 0.0], skeleton.dtype), velocity)[1]
+    moves = jnp.sum(velocity**2, axis=1) > TINY**2
+    last = jax.lax.cummax(jnp.where(moves, jnp.arange(len(velocity)), -1))
+    up = jnp.array([0.0, 1.0, 0.0], skeleton.dtype)
+    tangent = unit(velocity, jnp.broadcast_to(up, velocity.shape))
+    return jnp.where(last[:, None] < 0, up, tangent[last])
 
 
 def rotation_minimising_frames(
@@ -53,25 +52,30 @@ def rotation_minimising_frames(
             any perpendicular is taken.
     """
     tangent = tangents(skeleton)
-    chord = skeleton[1:] - skeleton[:-1]
+    before, after = tangent[:-1], tangent[1:]
+    # Knots that coincide: reflecting along the tangent leaves the least rotation.
+    mirror = unit(skeleton[1:] - skeleton[:-1], before)
+    turned = reflected(before, mirror)
+    second = unit(after - turned, jnp.zeros_like(turned))
 
-    def step(normal, knot):
-        tangent, following, chord = knot
-        # Knots that coincide: reflecting along the tangent leaves the least rotation.
-        mirror = unit(chord, tangent)
-        normal = normal - 2.0 * jnp.dot(mirror, normal) * mirror
-        turned = tangent - 2.0 * jnp.dot(mirror, tangent) * mirror
-        mirror = unit(following - turned, jnp.zeros_like(turned))
-        normal = normal - 2.0 * jnp.dot(mirror, normal) * mirror
-        # Rounding adds up along the skeleton; the frame stays orthonormal so.
-        normal = normal - jnp.dot(normal, following) * following
-        normal = unit(normal, perpendicular(following))
+    def step(normal, mirrors):
+        normal = reflected(reflected(normal, mirrors[0]), mirrors[1])
         return normal, normal
 
     first = reject(normal0, tangent[0])
-    rest = jax.lax.scan(step, first, (tangent[:-1], tangent[1:], chord))[1]
+    rest = jax.lax.scan(step, first, (mirror, second))[1]
+    # Rounding adds up along the skeleton; the frames are orthonormal so.
+    rest = rest - jnp.sum(rest * after, axis=1, keepdims=True) * after
+    rest = unit(rest, jax.vmap(perpendicular)(after))
     normal = jnp.concatenate([first[None], rest])
     return Frames(tangent, normal, jnp.cross(tangent, normal))
+
+
+def reflected(
+    v: Float[Array, "*batch 3"], mirror: Float[Array, "*batch 3"]
+) -> Float[Array, "*batch 3"]:
+    """Return vectors reflected in planes with given unit normals; 0 leaves them."""
+    return v - 2.0 * jnp.sum(mirror * v, axis=-1, keepdims=True) * mirror
 
 
 def frenet_frames(skeleton: Float[Array, "knots 3"]) -> Frames:

@@ -25,11 +25,15 @@ def unit(
 
 
 def perpendicular(axis: Float[Array, " 3"]) -> Float[Array, " 3"]:
-    """Return some unit vector perpendicular to the unit vector `axis`."""
-    # The coordinate axis that is furthest from `axis` cannot be parallel to it.
-    far = jnp.arange(3) == jnp.argmin(jnp.abs(axis))
-    rest = far.astype(axis.dtype) - jnp.sum(jnp.where(far, axis, 0.0)) * axis
-    return unit(rest, rest)
+    """Return some unit vector perpendicular to the unit vector `axis`.
+
+    One of the two in closed form by Duff and others [2017, Building an orthonormal
+    basis, revisited].
+    """
+    x, y, z = axis
+    sign = jnp.where(z < 0.0, -1.0, 1.0).astype(axis.dtype)
+    share = -1.0 / (sign + z)
+    return jnp.stack([x * y * share, sign + y * y * share, -y])
 
 
 def reject(
