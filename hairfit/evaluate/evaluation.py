@@ -10,6 +10,7 @@ from jaxtyping import Bool
 
 from ..abreast import abreast
 from ..capture.capture import View
+from ..host import one_blas_thread
 from ..types import Mesh, Strands
 from .consistency import strand_consistency
 from .coverage import Coverage, fit_width
@@ -136,6 +137,7 @@ class Evaluation:
         return rows
 
 
+@one_blas_thread()
 def evaluate(
     strands: Strands,
     truth: Strands,

@@ -35,7 +35,7 @@ from .cylinders import cylinders_along
 from .density import TEXELS
 from .devices import BY_BOTH, BY_VIEW, EVERYWHERE, device_mesh, put
 from .gather import Rooted
-from .grow import AT_ONCE, GrowConfig, trace
+from .grow import AT_ONCE, GrowConfig, Space, trace
 from .refine import (
     Found,
     Problem,
@@ -117,8 +117,8 @@ def compile_growth(guides: int, others: Sequence[int]) -> None:
 
 def compile_paths(shape: tuple[int, int, int], config: GrowConfig) -> None:
     """Grow along nothing, on a grid of this shape."""
-    space = zeros(*shape, 8), zeros(*shape, 8), zeros(3), zeros()
-    trace(*space, zeros(AT_ONCE, 3), zeros(AT_ONCE, 3), config)
+    space = Space(zeros(*shape, 8), zeros(*shape, 8), zeros(3), zeros())
+    trace(space, zeros(AT_ONCE, 3), zeros(AT_ONCE, 3), config)
 
 
 def compile_looks(strands: int, points: int, views: int, head: Mesh) -> None:

@@ -15,8 +15,7 @@ from scipy.spatial import KDTree
 
 from ..render.raster import unit
 from ..types import resample_paths
-from .evidence import Field
-from .grow import AT_ONCE, GrowConfig, grow
+from .grow import AT_ONCE, GrowConfig, Space, grow
 from .hull import Hull
 
 DEEP = 1.0  # voxels within the hull: what lies nearer to its border may be no hair
@@ -40,8 +39,7 @@ class Branched(NamedTuple):
 
 def with_branches(
     hull: Hull,
-    field: Field,
-    flow: Float[np.ndarray, "x y z 3"],
+    space: Space,
     strands: Float[np.ndarray, "strands knots 3"],
     config: GrowConfig,
     seed: int,
@@ -50,8 +48,7 @@ def with_branches(
 
     Args:
         hull: Where hair can be.
-        field: Directions without sign.
-        flow: Unit direction of growth in every voxel, from `flow.hair_flow`.
+        space: How it runs there.
         strands: The grown strands, root first, in metres.
         config: How they were grown.
         seed: Of the places that are tried.
@@ -59,6 +56,7 @@ def with_branches(
     rng = np.random.default_rng(seed)
     found, origin = strands, np.arange(len(strands))
     # What is traced together costs as much with fewer.
+    back = space.backwards()
     count = AT_ONCE * int(np.ceil(SEEDS * len(strands) / AT_ONCE))
     for _ in range(ROUNDS):
         paths = resample_paths(found, FINE)
@@ -69,8 +67,8 @@ def with_branches(
         start = empty[rng.choice(len(empty), count, replace=len(empty) < count)]
         start = start + rng.uniform(-0.5, 0.5, start.shape) * hull.grid.spacing
         still = np.zeros_like(start)
-        down = grow(hull, field, flow, start, still, FINE, config)
-        up = grow(hull, field, -flow, start, still, FINE, config)
+        down = grow(space, start, still, FINE, config)
+        up = grow(back, start, still, FINE, config)
         met = meetings(paths, near, up, MEET * hull.grid.spacing)
         some = np.flatnonzero(met.strand >= 0)
         if not len(some):
@@ -90,7 +88,7 @@ def empty_places(hull: Hull, near: KDTree) -> Float[np.ndarray, "places 3"]:
     """
     spacing = hull.grid.spacing
     middles = hull.grid.centres(hull.hair & (hull.distance <= -DEEP * spacing))
-    away = near.query(middles, distance_upper_bound=EMPTY * spacing)[0]
+    away = near.query(middles, distance_upper_bound=EMPTY * spacing, workers=-1)[0]
     return middles[~np.isfinite(away)]
 
 
@@ -123,7 +121,7 @@ def meetings(
         reach: How close is met, in metres.
     """
     points = strands.shape[1]
-    away, index = near.query(up, k=CLOSEST, distance_upper_bound=reach)
+    away, index = near.query(up, k=CLOSEST, distance_upper_bound=reach, workers=-1)
     index = np.where(np.isfinite(away), index, 0)
     ahead = unit(np.gradient(strands, axis=1)).reshape(-1, 3)[index]
     cosine = np.einsum("psx,pskx->psk", -unit(np.gradient(up, axis=1)), ahead)

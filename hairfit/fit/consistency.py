@@ -16,7 +16,7 @@ from scipy import ndimage
 from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import SIGMA_SURE, OrientationMap
-from .evidence import find_planes
+from .evidence import find_planes, full_matrix
 from .grid import blurred
 from .hull import Hull, hull_of
 
@@ -76,16 +76,14 @@ def disagreement(
     """
     near = hull.hair & (hull.distance > -DEEP)
     points = hull.grid.centres(near)
-    planes = np.zeros((len(points), 3, 3))
+    entries = np.zeros((len(points), 6))
     seen, square = np.zeros(len(points)), np.zeros(len(points))
     for plane in abreast(partial(find_planes, hull, points), views, maps, depths):
-        weight = plane.seen * plane.confidence
-        normal = plane.normal
-        planes += weight[:, None, None] * normal[:, :, None] * normal[:, None, :]
+        entries += plane.entries
         says = np.where(plane.confidence > 0, plane.seen, 0.0)
         seen += says
         square += says**2
-    least = np.maximum(np.linalg.eigvalsh(planes)[:, 0], 0.0)
+    least = np.maximum(np.linalg.eigvalsh(full_matrix(entries))[:, 0], 0.0)
     looking = seen**2 / np.maximum(square, 1e-12)
     expected = np.maximum(1.0 - 2.0 / np.maximum(looking, 2.0), 0.0) * seen
     asked = expected > LEAST_FREEDOM

@@ -52,8 +52,9 @@ def carve_corners(
         )[tuple(index.T)]
         inner = np.asarray(ndimage.binary_erosion(solid), bool)[tuple(index.T)]
         cut = left & ~inner & (around < EXPOSED)
-        for ray in rays:
-            cut &= ~_kept(ray, around, left, least)
+        needed = partial(_kept, around=around, left=left, least=least)
+        for kept in abreast(needed, rays):
+            cut &= ~kept
         if cut.sum() < FEWEST_CUT * len(index):
             break
         left &= ~cut

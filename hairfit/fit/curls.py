@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage
 
+from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import (
     SIGMA_BLIND,
@@ -107,7 +108,8 @@ def see_curls(
     some = [views[k] for k in few], [maps[k] for k in few]
 
     def locks(those: Sequence[int]) -> list[OrientationMap]:
-        return [lock_directions(views[k].hair, maps[k], pixels[k]) for k in those]
+        given = ((views[k].hair, maps[k], pixels[k]) for k in those)
+        return list(abreast(lambda one: lock_directions(*one), given))
 
     mean = locks(few)
     if swing(some[1], mean) > LEAST_SWING:

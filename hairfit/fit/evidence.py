@@ -81,14 +81,14 @@ def gather(
         depths: Depth of the head in each photograph, in metres.
     """
     points = hull.grid.centres(hull.hair)
-    planes = np.zeros((len(points), 3, 3))
+    entries = np.zeros((len(points), 6))
     total, looks = np.zeros(len(points)), np.zeros(len(points))
     told = abreast(partial(find_planes, hull, points), views, maps, depths)
-    for normal, seen, confidence in told:
-        weight = seen * confidence
-        planes += weight[:, None, None] * normal[:, :, None] * normal[:, None, :]
-        total += weight
+    for weighted, seen, confidence in told:
+        entries += weighted
+        total += seen * confidence
         looks += seen
+    planes = full_matrix(entries)
     stands, upright = find_stubble(hull, planes, total, looks)
     surface = _surface_normal(hull)
     share = SURFACE_WEIGHT * np.minimum(total, 1.0)
@@ -105,12 +105,13 @@ class Planes(NamedTuple):
     """The planes through a camera that hold the hair which it sees, at many points.
 
     Attributes:
-        normal: Unit normals.
+        entries: Of $n n^T$ of the unit normals, by how well a point is seen and by the
+            confidence; see `matrix_entries`.
         seen: How well each point is seen: 1 at the hull's surface, 0 behind.
         confidence: Of the angle in the photograph, from 0 to 1.
     """
 
-    normal: Float[np.ndarray, "points 3"]
+    entries: Float[np.ndarray, "points 6"]
     seen: Float[np.ndarray, " points"]
     confidence: Float[np.ndarray, " points"]
 
@@ -149,7 +150,9 @@ def find_planes(
     normal = np.cross(ray, line @ inverse.T) @ cam[:3, :3]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     confidence = np.asarray(found.confidence[y, x], np.float64)
-    return Planes(normal, np.where(seen, fade, 0.0), confidence)
+    fade = np.where(seen, fade, 0.0)
+    entries = (fade * confidence)[:, None] * matrix_entries(normal)
+    return Planes(entries, fade, confidence)
 
 
 def _surface_normal(hull: Hull) -> Float[np.ndarray, "voxels 3"]:
@@ -186,7 +189,7 @@ def diffuse(hull: Hull, evidence: Evidence, guess: Field | None = None) -> Field
     mean /= np.maximum(total, 1e-9)[:, None]
     start = _solve(half, total / 8, mean, np.zeros_like(mean), 4 * SMOOTHING / 8)
     tensor = _solve(index, weight, target, start[member], SMOOTHING)
-    values, vectors = np.linalg.eigh(_matrix(tensor))
+    values, vectors = np.linalg.eigh(full_matrix(tensor))
     sure = (values[:, 2] - values[:, 1]) / np.maximum(values[:, 2], 1e-12)
     direction = np.zeros((*hull.grid.shape, 3))
     anisotropy = np.zeros(hull.grid.shape)
@@ -205,7 +208,7 @@ def matrix_entries(d: Float[np.ndarray, "voxels 3"]) -> Float[np.ndarray, "voxel
     return np.stack([x * x, y * y, z * z, x * y, x * z, y * z], axis=1)
 
 
-def _matrix(t: Float[np.ndarray, "voxels 6"]) -> Float[np.ndarray, "voxels 3 3"]:
+def full_matrix(t: Float[np.ndarray, "voxels 6"]) -> Float[np.ndarray, "voxels 3 3"]:
     """Return symmetric matrices from their six different entries."""
     return t[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
 

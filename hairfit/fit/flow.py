@@ -86,7 +86,7 @@ def hair_flow(
         scalp_points: Points all over the scalp where hair grows, in metres.
     """
     links = _links(hull, field)
-    away = KDTree(scalp_points).query(hull.grid.centres(hull.hair))[0]
+    away = KDTree(scalp_points).query(hull.grid.centres(hull.hair), workers=-1)[0]
     short = np.zeros(len(away))
     if field.stubble is not None:
         short[field.stubble[hull.hair]] = 1.0
@@ -143,7 +143,7 @@ def how_it_falls(
         scalp_points: Points all over the scalp where hair grows, in metres.
         scalp_normals: Unit normals of the scalp there.
     """
-    away, nearest = KDTree(scalp_points).query(hull.grid.centres(hull.hair))
+    away, nearest = KDTree(scalp_points).query(hull.grid.centres(hull.hair), workers=-1)
     over = scalp_normals[nearest, 1] > CROWN
     if not over.any():
         return STANDS

@@ -21,8 +21,8 @@ LIFT = 0.2
 AT_ONCE = 512  # strands that are traced together
 # A strand that has come no farther than this share of so many metres runs in circles.
 CIRCLE, ROUND = 0.06, 0.35
-
-
+# Of the channels of `Space.lines`, which of them turn where the flow does.
+BACKWARDS = np.array([1, 1, 1, 1, -1, -1, -1, 1], np.float32)
 STEEPEST_CURLS = 0.1  # see `GrowConfig.steepest`
 
 
@@ -55,16 +55,56 @@ def steps_on(spacing: float, *, curly: bool = False) -> GrowConfig:
     return GrowConfig(step=max(GrowConfig.step, 0.8 * spacing), steepest=steepest)
 
 
+class Space(NamedTuple):
+    """What strands ask of every place on their way, on the device; see `space_of`.
+
+    Attributes:
+        channels: Distance to the hull's border and its uphill, and to the head and its.
+        lines: Direction of the field, its anisotropy, the flow, and whether there is
+            stubble.
+        origin: Of the grid, in metres.
+        spacing: Of the grid, in metres.
+    """
+
+    channels: Float[Array, "x y z 8"]
+    lines: Float[Array, "x y z 8"]
+    origin: Float[Array, " 3"]
+    spacing: Float[Array, ""]
+
+    def backwards(self) -> "Space":
+        """Return the space where strands grow against the flow."""
+        return self._replace(lines=on_device(np.asarray(self.lines) * BACKWARDS))
+
+
 class _State(NamedTuple):
     point: Float[Array, "strands 3"]
     heading: Float[Array, "strands 3"]
     alive: Bool[Array, " strands"]
 
 
+def space_of(hull: Hull, field: Field, flow: Float[np.ndarray, "x y z 3"]) -> Space:
+    """Return the space in which strands grow.
+
+    Args:
+        hull: Where hair can be.
+        field: Directions without sign.
+        flow: Unit direction of growth in every voxel, from `flow.hair_flow`.
+    """
+    # Smoothed, or the steps of the voxels would turn up as steps of the strands.
+    distance = ndimage.gaussian_filter(hull.distance, 0.7)
+    head = ndimage.gaussian_filter(hull.head, 0.7)
+    channels = np.concatenate(
+        [distance[..., None], uphill(distance), head[..., None], uphill(head)], axis=-1
+    )
+    stubble = np.zeros(hull.grid.shape) if field.stubble is None else field.stubble
+    parts = [field.direction, field.anisotropy[..., None], flow, stubble[..., None]]
+    lines = np.concatenate(parts, axis=-1)
+    given = channels, lines, hull.grid.origin, hull.grid.spacing
+    return Space(*(on_device(one, jnp.float32) for one in given))
+
+
 def grow(
-    hull: Hull,
-    field: Field,
-    flow: Float[np.ndarray, "x y z 3"],
+    space: Space,
     roots: Float[np.ndarray, "strands 3"],
     normals: Float[np.ndarray, "strands 3"],
     knots: int,
@@ -77,9 +117,7 @@ def grow(
     it at a low angle, and ends where it leaves it steeply.
 
     Args:
-        hull: Where hair can be.
-        field: Directions without sign.
-        flow: Unit direction of growth in every voxel, from `flow.hair_flow`.
+        space: Where hair can be, and how it runs there.
         roots: Where strands start, in metres.
         normals: Unit normals of the scalp there.
         knots: Points a strand, at equal distances along it.
@@ -89,20 +127,6 @@ def grow(
         The strands, root first, in metres.
     """
     config = config or GrowConfig()
-    spacing = hull.grid.spacing
-    # Smoothed, or the steps of the voxels would turn up as steps of the strands.
-    distance = ndimage.gaussian_filter(hull.distance, 0.7)
-    head = ndimage.gaussian_filter(hull.head, 0.7)
-    channels = np.concatenate(
-        [distance[..., None], uphill(distance), head[..., None], uphill(head)], axis=-1
-    )
-    stubble = np.zeros(hull.grid.shape) if field.stubble is None else field.stubble
-    parts = [field.direction, field.anisotropy[..., None], flow, stubble[..., None]]
-    lines = np.concatenate(parts, axis=-1)
-    space = [
-        on_device(one, jnp.float32)
-        for one in (channels, lines, hull.grid.origin, spacing)
-    ]
     # So many at once, or each number of strands would be compiled anew.
     spare = [(0, -len(roots) % AT_ONCE), (0, 0)]
     starts, outwards = (
@@ -110,7 +134,7 @@ def grow(
         for one in (roots, normals)
     )
     paths = [
-        np.asarray(trace(*space, on_device(start), on_device(outward), config))
+        np.asarray(trace(space, on_device(start), on_device(outward), config))
         for start, outward in zip(starts, outwards, strict=True)
     ]
     path = np.concatenate(paths, axis=1)[:, : len(roots)].astype(np.float64)
@@ -143,15 +167,13 @@ def uncircled(
 
 @jax.jit(static_argnames="config")
 def trace(
-    channels: Float[Array, "x y z 8"],
-    lines: Float[Array, "x y z 8"],
-    origin: Float[Array, " 3"],
-    spacing: Float[Array, ""],
+    space: Space,
     roots: Float[Array, "strands 3"],
     normals: Float[Array, "strands 3"],
     config: GrowConfig,
 ) -> Float[Array, "steps strands 3"]:
     """Return the path of every strand; after its tip a strand repeats it."""
+    channels, lines, origin, spacing = space
     stubble = min(config.steepest, config.steepest_stubble)
 
     def heading(point, last):

@@ -193,8 +193,8 @@ def hull_of(
     grid: Grid, hair: Bool[np.ndarray, "x y z"], head: Float[np.ndarray, "x y z"]
 ) -> Hull:
     """Return the hull of some voxels, given the distance of all from the head."""
-    outside = np.asarray(ndimage.distance_transform_edt(~hair))
-    inside = np.asarray(ndimage.distance_transform_edt(hair))
+    both = abreast(ndimage.distance_transform_edt, (~hair, hair))
+    outside, inside = map(np.asarray, both)
     distance = np.where(hair, 0.5 - inside, outside - 0.5) * grid.spacing
     return Hull(grid, hair, distance, head)
 

@@ -17,7 +17,7 @@ from ..capture.orientation import OrientationMap
 from ..errors import InputError
 from ..evaluate.shape import strand_lengths
 from ..evaluate.visibility import Sight, even_strands
-from ..host import on_device
+from ..host import on_device, one_blas_thread
 from ..io.tree import load_tree, round_tree, save_tree
 from ..model.maps import ScalpMaps, even_maps, fill
 from ..model.ownership import find_owner
@@ -49,7 +49,7 @@ from .derive import Derived, derive_hair, with_spare
 from .evidence import Field
 from .flow import hair_field, hair_flow
 from .gather import Rooted, gather_strands
-from .grow import grow, steps_on
+from .grow import grow, space_of, steps_on
 from .hull import Hull, carve
 from .prune import prune
 from .refine import Photographs, RefineConfig, refine
@@ -165,6 +165,7 @@ class FitResult(NamedTuple):
     doubts: tuple[Doubt, ...]
 
 
+@one_blas_thread()
 def fit_capture(
     capture: Capture,
     config: FitConfig | None = None,
@@ -421,7 +422,8 @@ def _grow(
         uv, start, normals = roots
         step = steps_on(preset.spacing, curly=curls.radius > 0.0)
         flow = hair_flow(hull, field, start)
-        strands = grow(hull, field, flow, start, normals, GROWN_POINTS, step)
+        space = space_of(hull, field, flow)
+        strands = grow(space, start, normals, GROWN_POINTS, step)
         some = along_paths(strands)[:, -1] > SHORTEST
         if some.sum() < FEWEST_GROWN:
             raise InputError(
@@ -430,7 +432,7 @@ def _grow(
                 "`masks/hair` hold the hair on it."
             )
         uv, strands = uv[some], strands[some]
-        strands, origin = with_branches(hull, field, flow, strands, step, config.seed)
+        strands, origin = with_branches(hull, space, strands, step, config.seed)
         saved = {"uv": uv[origin], "strands": resample_paths(strands, preset.knots)}
         store.save("grown", saved)
     return Grown(**saved)

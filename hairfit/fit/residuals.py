@@ -217,6 +217,14 @@ def subdivided(
     return fine.reshape(len(strands), -1, 3)
 
 
+def tree_of_many(points: Float[np.ndarray, "points dim"]) -> KDTree:
+    """Return the tree of many points, made quickly: few places will be asked for.
+
+    Boxes are split at their middles, not at medians, which takes a third of the time.
+    """
+    return KDTree(points, balanced_tree=False, compact_nodes=False)
+
+
 def point_of(at: Int[np.ndarray, " pulls"], finer: int) -> Int[np.ndarray, " pulls"]:
     """Return the strand's own point that is closest to a subdivided one, not its root.
 
@@ -253,7 +261,9 @@ def find_pulls(
         usable = np.flatnonzero(free)
         if not len(usable):
             chosen = chosen[:0]
-        apart, nearest = map(np.asarray, KDTree(found.pixel[usable]).query(chosen))
+        apart, nearest = map(
+            np.asarray, tree_of_many(found.pixel[usable]).query(chosen)
+        )
         metres = apart * found.depth[usable[nearest]] / view.camera.focal
         bare = np.flatnonzero((metres > BARE) & (metres < FARTHEST))[:PULLS]
         spare = PULLS - len(bare)

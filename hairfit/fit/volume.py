@@ -9,14 +9,13 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from scipy.spatial import KDTree
 
 from ..host import on_device
 from ..model.collide import DistanceField
 from .evidence import Field, matrix_entries
 from .grid import trilinear_many
 from .hull import Hull
-from .residuals import point_of, subdivided
+from .residuals import point_of, subdivided, tree_of_many
 
 SIGMA_INSIDE_HEAD = 0.0005  # metres
 CLEARANCE = 0.001  # metres between skin and hair
@@ -143,7 +142,9 @@ def find_gaps(
     places = places[rng.choice(len(places), count, replace=False)]
     fine = subdivided(strands, FINER)
     knots = fine.shape[1]
-    apart, nearest = map(np.asarray, KDTree(fine.reshape(-1, 3)).query(places))
+    apart, nearest = map(
+        np.asarray, tree_of_many(fine.reshape(-1, 3)).query(places, workers=-1)
+    )
     empty = np.flatnonzero((apart > GAP) & (apart < FARTHEST))[:DRAWN]
     index = nearest[empty]
     point = point_of(index % knots, FINER)

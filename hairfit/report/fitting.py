@@ -13,6 +13,7 @@ from ..fit import FitConfig, FitResult, fit_capture
 from ..fit.appearance import Appearance
 from ..fit.cost import affordable, expected_cost, free_gigabytes
 from ..fit.suspects import Doubt
+from ..host import one_blas_thread
 from ..io.strands import save_strands
 from ..io.tree import save_tree
 from .pictures import hexadecimal
@@ -30,6 +31,7 @@ from .show import show_result
 FIT_SHARE = 0.92
 
 
+@one_blas_thread()
 def fit_to_folder(
     capture: Capture, config: FitConfig, out: Path, *, quiet: bool = False
 ) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from hairfit.fit.appearance import both_terms, find_appearance
 from hairfit.fit.evidence import Field
 from hairfit.fit.grid import Grid
 from hairfit.fit.grow import grow as grow_paths
-from hairfit.fit.grow import steps_on, trace
+from hairfit.fit.grow import space_of, steps_on, trace
 from hairfit.fit.hull import Hull
 from hairfit.fit.refine import RefineConfig, descend, move, refine
 from hairfit.fit.samples import grow_placed, place
@@ -113,7 +113,8 @@ def test_paths_compile_nothing_anew():
     along = np.ones((*shape, 3))
     roots = np.full((3, 3), 0.01)
     config = steps_on(0.004)
-    grow_paths(hull, Field(along, 1.0 * hair), along, roots, roots, KNOTS, config)
+    space = space_of(hull, Field(along, 1.0 * hair), along)
+    grow_paths(space, roots, roots, KNOTS, config)
     assert programs(trace) == before
 
 

@@ -5,7 +5,7 @@ from scipy.spatial import KDTree
 
 from hairfit.fit.branches import FINE, empty_places, meetings, with_branches
 from hairfit.fit.evidence import Field
-from hairfit.fit.grow import GrowConfig, grow
+from hairfit.fit.grow import GrowConfig, grow, space_of
 from hairfit.types import resample_paths
 
 SPACING = 0.004
@@ -52,14 +52,14 @@ def share_covered(hull, strands):
 
 def test_a_hull_behind_a_neck_is_filled(bottle, straight):
     hull, field, flow = bottle
-    found = with_branches(hull, field, flow, straight, CONFIG, 0)
+    found = with_branches(hull, space_of(hull, field, flow), straight, CONFIG, 0)
     assert share_covered(hull, straight) < 0.25
     assert share_covered(hull, found.strands) > 0.6
 
 
 def test_grown_strands_stay_and_branches_share_their_roots(bottle, straight):
     hull, field, flow = bottle
-    found = with_branches(hull, field, flow, straight, CONFIG, 0)
+    found = with_branches(hull, space_of(hull, field, flow), straight, CONFIG, 0)
     count = len(straight)
     assert len(found.strands) > count + 5
     assert np.array_equal(found.strands[:count], straight)
@@ -75,7 +75,7 @@ def test_grown_strands_stay_and_branches_share_their_roots(bottle, straight):
 def test_the_same_seed_gives_the_same_branches(bottle, straight):
     hull, field, flow = bottle
     one, same, other = (
-        with_branches(hull, field, flow, straight, CONFIG, seed).strands
+        with_branches(hull, space_of(hull, field, flow), straight, CONFIG, seed).strands
         for seed in (3, 3, 4)
     )
     assert np.array_equal(one, same)
@@ -85,8 +85,8 @@ def test_the_same_seed_gives_the_same_branches(bottle, straight):
 def test_a_hull_that_is_full_gets_none(bottle):
     hull, field, flow = bottle
     roots = hull.grid.centres(hull.hair)
-    strands = grow(hull, field, flow, roots, np.zeros_like(roots), 20, CONFIG)
-    found = with_branches(hull, field, flow, strands, CONFIG, 0)
+    strands = grow(space_of(hull, field, flow), roots, np.zeros_like(roots), 20, CONFIG)
+    found = with_branches(hull, space_of(hull, field, flow), strands, CONFIG, 0)
     assert np.array_equal(found.strands, strands)
 
 

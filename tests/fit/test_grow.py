@@ -3,7 +3,7 @@ import pytest
 from ball_hair import RADIUS, hull_where, meridian
 
 from hairfit.fit.evidence import Field
-from hairfit.fit.grow import AT_ONCE, CIRCLE, ROUND, GrowConfig, grow
+from hairfit.fit.grow import AT_ONCE, CIRCLE, ROUND, GrowConfig, grow, space_of
 
 CONFIG = GrowConfig()
 SPACING = 0.004
@@ -50,7 +50,7 @@ def lengths(strands):
 def test_in_a_constant_field_strands_run_straight_to_the_end_of_the_hull():
     hull = tube()
     field, flow = constant(hull, [0, 1, 0]), one_way(hull, [0, -1, 0])
-    strands = grow(hull, field, flow, ROOTS, DOWN, 20)
+    strands = grow(space_of(hull, field, flow), ROOTS, DOWN, 20)
     assert np.allclose(strands[:, 0], ROOTS, atol=1e-9)
     assert np.abs(strands[:, :, [0, 2]] - ROOTS[:, None, [0, 2]]).max() < 1e-5
     expected = 0.2 + ROOTS[:, 1]
@@ -63,10 +63,10 @@ def test_a_strand_grows_alike_alone_and_among_many():
     rng = np.random.default_rng(0)
     roots = rng.uniform(-0.015, 0.015, (AT_ONCE + 40, 3)) - [0.0, 0.02, 0.0]
     down = np.tile(DOWN[:1], (len(roots), 1))
-    many = grow(hull, field, flow, roots, down, 20)
+    many = grow(space_of(hull, field, flow), roots, down, 20)
     assert many.shape == (AT_ONCE + 40, 20, 3)
     for part in (slice(3, 4), slice(AT_ONCE - 2, AT_ONCE + 5)):
-        alone = grow(hull, field, flow, roots[part], down[part], 20)
+        alone = grow(space_of(hull, field, flow), roots[part], down[part], 20)
         assert np.allclose(alone, many[part], atol=1e-7)
 
 
@@ -74,7 +74,9 @@ def test_the_sign_of_the_field_does_not_matter():
     hull = tube()
     plain, mixed = (constant(hull, [0.1, 1, 0], seed) for seed in (None, 3))
     flow = one_way(hull, [0, -1, 0])
-    one, other = (grow(hull, f, flow, ROOTS, DOWN, 20) for f in (plain, mixed))
+    one, other = (
+        grow(space_of(hull, f, flow), ROOTS, DOWN, 20) for f in (plain, mixed)
+    )
     assert np.allclose(one, other, atol=1e-5)
 
 
@@ -82,7 +84,7 @@ def test_strands_take_the_sense_of_the_flow_against_the_scalps_normal():
     hull = tube()
     roots = ROOTS - [0.0, 0.1, 0.0]
     field, flow = constant(hull, [0, 1, 0], seed=1), one_way(hull, [0, 1, 0])
-    up = grow(hull, field, flow, roots, DOWN, 10)
+    up = grow(space_of(hull, field, flow), roots, DOWN, 10)
     assert (up[:, -1, 1] > -0.02).all()
 
 
@@ -92,7 +94,7 @@ def test_strands_end_where_the_flow_comes_towards_them():
     middle = ROOTS[0, 1] - 0.05
     height = hull.grid.centres(np.ones(hull.grid.shape, bool))[:, 1]
     flow = flow * np.where(height < middle, -1.0, 1.0).reshape(*hull.grid.shape, 1)
-    strands = grow(hull, constant(hull, [0, 1, 0]), flow, ROOTS, DOWN, 20)
+    strands = grow(space_of(hull, constant(hull, [0, 1, 0]), flow), ROOTS, DOWN, 20)
     assert np.abs(strands[:, -1, 1] - middle).max() < 2 * CONFIG.step
 
 
@@ -105,7 +107,7 @@ def whirl(inwards):
     way = np.cross([0.0, -1.0, 0.0], centres) - inwards * centres
     way /= np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
     root, ahead = np.array([[0.04, -0.1, 0.0]]), np.array([[0.0, 0.0, 1.0]])
-    return grow(hull, Field(way, np.ones(shape)), way, root, ahead, 200)
+    return grow(space_of(hull, Field(way, np.ones(shape)), way), root, ahead, 200)
 
 
 def test_strands_end_where_they_begin_to_run_in_circles():
@@ -125,7 +127,7 @@ def test_strands_spread_with_the_flow_by_the_share_that_is_asked_for():
     moved = []
     for spread in (0.0, 0.2):
         config = GrowConfig(spread=spread, longest=0.1)
-        strands = grow(hull, field, flow, ROOTS[:1], DOWN[:1], 10, config)
+        strands = grow(space_of(hull, field, flow), ROOTS[:1], DOWN[:1], 10, config)
         # The first direction is the flow's; it is forgotten halfway.
         moved.append(strands[0, -1] - strands[0, 5])
     assert abs(moved[0][0] / moved[0][1]) < 1e-4
@@ -136,7 +138,7 @@ def test_strands_spread_with_the_flow_by_the_share_that_is_asked_for():
 def test_strands_slide_along_the_hull_where_they_leave_it_at_a_low_angle():
     hull = tube()
     field = constant(hull, [np.sin(0.3), -np.cos(0.3), 0.0])
-    strands = grow(hull, field, field.direction, ROOTS, DOWN, 40)
+    strands = grow(space_of(hull, field, field.direction), ROOTS, DOWN, 40)
     assert np.hypot(strands[..., 0], strands[..., 2]).max() < 0.03 + SPACING
     assert (strands[:, -1, 1] < -0.19).all()
 
@@ -146,7 +148,8 @@ def test_stubble_ends_where_longer_hair_would_slide_along_the_hull():
     field = constant(hull, [np.sin(0.5), -np.cos(0.5), 0.0])
     short = field._replace(stubble=np.ones(hull.grid.shape, bool))
     slides, ends = (
-        grow(hull, one, field.direction, ROOTS, DOWN, 40) for one in (field, short)
+        grow(space_of(hull, one, field.direction), ROOTS, DOWN, 40)
+        for one in (field, short)
     )
     assert (slides[:, -1, 1] < -0.19).all()
     tips = ends[:, -1]
@@ -160,7 +163,7 @@ def test_strands_end_where_they_leave_the_hull_steeply():
     level = np.tile([1.0, 0.0, 0.0], (5, 1))
     roots = ROOTS * [0.5, 1.0, 0.5] - [0.0, 0.1, 0.0]
     field = constant(hull, [1, 0, 0])
-    strands = grow(hull, field, field.direction, roots, level, 20)
+    strands = grow(space_of(hull, field, field.direction), roots, level, 20)
     border = np.sqrt(0.03**2 - roots[:, 2] ** 2)
     assert np.abs(strands[:, -1, 0] - border).max() < 2 * CONFIG.step
 
@@ -169,7 +172,7 @@ def test_no_strand_is_longer_than_the_longest():
     hull = tube()
     config = GrowConfig(longest=0.06)
     field, flow = constant(hull, [0, 1, 0]), one_way(hull, [0, -1, 0])
-    strands = grow(hull, field, flow, ROOTS, DOWN, 20, config)
+    strands = grow(space_of(hull, field, flow), ROOTS, DOWN, 20, config)
     # The path starts at the root, then above the skin.
     assert (lengths(strands) < 0.06 + config.clearance + 1e-6).all()
     assert (lengths(strands) > 0.055).all()
@@ -202,7 +205,7 @@ def test_strands_that_come_back_to_the_head_do_not_enter_it(azimuth):
     out = np.cross(roots - RADIUS * axis, np.cross(axis, up))
     sense = np.sign(np.einsum("ij,ij->i", out, normals).mean())
     flow = sense * field.direction
-    strands = grow(hull, field, flow, roots, normals, 60)
+    strands = grow(space_of(hull, field, flow), roots, normals, 60)
     away = np.linalg.norm(strands, axis=2)
     back = (away.max(axis=1) > RADIUS + 0.01) & (away[:, -1] < RADIUS + 0.005)
     assert back.mean() > 0.5
