@@ -393,10 +393,17 @@ Command = (
 )
 
 
-# XLA's older way to emit a program takes two thirds of the time of its newer one, and
-# what comes out runs as fast. A version that did not know the option would stop.
-SOONER = "--xla_cpu_use_fusion_emitters=false"
-KNOWN_JAXLIB = "0.10."
+# Options of XLA by the version of jaxlib: one that did not know an option would stop.
+# Its older way to emit a program takes two thirds of the time of its newer one, and
+# what comes out runs as fast. On a GPU it tries ways to multiply matrices; ours are
+# small.
+UNTUNED = "--xla_gpu_autotune_level=0"
+SOONER = {"0.10.": "--xla_cpu_use_fusion_emitters=false " + UNTUNED, "0.11.": UNTUNED}
+
+
+def sooner(jaxlib: str) -> str | None:
+    """Return the options of a version of jaxlib with which it compiles sooner."""
+    return next((o for known, o in SOONER.items() if jaxlib.startswith(known)), None)
 
 
 def cache_folder() -> Path:
@@ -438,8 +445,8 @@ def obey(args: Sequence[str] | None) -> int:
     # What is compiled once stays compiled, small programs as well: there are many.
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache_folder()))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
-    if version("jaxlib").startswith(KNOWN_JAXLIB):
-        os.environ.setdefault("XLA_FLAGS", SOONER)
+    if options := sooner(version("jaxlib")):
+        os.environ.setdefault("XLA_FLAGS", options)
     command: Any = tyro.cli(
         Command,
         prog="hairfit",

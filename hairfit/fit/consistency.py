@@ -18,7 +18,7 @@ from ..capture.capture import View
 from ..capture.orientation import SIGMA_SURE, OrientationMap
 from .evidence import find_planes, full_matrix
 from .grid import blurred
-from .hull import Hull, hull_of
+from .hull import Hull, hull_of, walls_of
 
 INCONSISTENT = 1.5  # disagreement over the expected one from which on there is no hair
 AROUND = 0.006  # metres: one voxel says little, those around it decide together
@@ -78,7 +78,8 @@ def disagreement(
     points = hull.grid.centres(near)
     entries = np.zeros((len(points), 6))
     seen, square = np.zeros(len(points)), np.zeros(len(points))
-    for plane in abreast(partial(find_planes, hull, points), views, maps, depths):
+    told = partial(find_planes, walls_of(hull), points)
+    for plane in abreast(told, views, maps, depths):
         entries += plane.entries
         says = np.where(plane.confidence > 0, plane.seen, 0.0)
         seen += says
@@ -88,7 +89,7 @@ def disagreement(
     expected = np.maximum(1.0 - 2.0 / np.maximum(looking, 2.0), 0.0) * seen
     asked = expected > LEAST_FREEDOM
     around = AROUND / hull.grid.spacing
-    least = blurred(near, np.where(asked, least, 0.0), around)
-    expected = blurred(near, np.where(asked, expected, 0.0), around) * SIGMA_SURE**2
-    known = blurred(near, asked.astype(float), around) > LEAST_KNOWN
-    return np.where(known, least / np.maximum(expected, 1e-12), 0.0)
+    sums = np.where(asked, least, 0.0), np.where(asked, expected, 0.0), 1.0 * asked
+    least, expected, known = abreast(lambda one: blurred(near, one, around), sums)
+    expected *= SIGMA_SURE**2
+    return np.where(known > LEAST_KNOWN, least / np.maximum(expected, 1e-12), 0.0)

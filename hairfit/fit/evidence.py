@@ -21,7 +21,7 @@ from ..capture.orientation import OrientationMap
 from ..host import on_device
 from ..render.raster import cells, project_points
 from .grid import nearest_in, neighbours, uphill
-from .hull import Hull, first_hit
+from .hull import Hull, Walls, first_hit, walls_of
 from .stubble import find_stubble
 
 DEPTH_SCALE = 0.006  # metres behind the hull's surface where a photograph fades
@@ -83,7 +83,7 @@ def gather(
     points = hull.grid.centres(hull.hair)
     entries = np.zeros((len(points), 6))
     total, looks = np.zeros(len(points)), np.zeros(len(points))
-    told = abreast(partial(find_planes, hull, points), views, maps, depths)
+    told = abreast(partial(find_planes, walls_of(hull), points), views, maps, depths)
     for weighted, seen, confidence in told:
         entries += weighted
         total += seen * confidence
@@ -117,7 +117,7 @@ class Planes(NamedTuple):
 
 
 def find_planes(
-    hull: Hull,
+    walls: Walls,
     points: Float[np.ndarray, "points 3"],
     view: View,
     found: OrientationMap,
@@ -126,14 +126,14 @@ def find_planes(
     """Return the plane that one view tells at every point.
 
     Args:
-        hull: The hull, which hides what is behind it.
+        walls: The hull, which hides what is behind it.
         points: The points, in metres.
         view: The photograph.
         found: Its orientation map.
         head_depth: Depth of the head in it, in metres.
     """
     step = 2
-    hit = first_hit(hull, view, step=step)
+    hit = first_hit(walls, view, step=step)
     pixels = project_points(points, view.camera)
     pixel, depth = pixels
     y, x, seen = cells(pixels, view.camera.width, view.camera.height)

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -234,13 +235,36 @@ def pixel_sizes(hull: Hull, views: Sequence[View]) -> list[float]:
     ]
 
 
+class Walls(NamedTuple):
+    """What rays ask of a hull; see `walls_of`.
+
+    Attributes:
+        grid: The voxels.
+        middles: Of those of hair, in metres.
+        distance: How far the hull is at least, in metres, negative in hair; with a
+            voxel more at each border of the grid.
+    """
+
+    grid: Grid
+    middles: Float[np.ndarray, "voxels 3"]
+    distance: Float[np.ndarray, "x y z"]
+
+
+def walls_of(hull: Hull) -> Walls:
+    """Return what rays ask of a hull."""
+    # Beyond the grid is no hair; it is as far as from the grid's border at least.
+    distance = np.maximum(np.pad(hull.distance.astype(np.float32), 1, mode="edge"), 0)
+    distance[1:-1, 1:-1, 1:-1][hull.hair] = -1.0
+    return Walls(hull.grid, hull.grid.centres(hull.hair), distance)
+
+
 def first_hit(
-    hull: Hull, view: View, *, step: int = 2
+    walls: Walls, view: View, *, step: int = 2
 ) -> Float[np.ndarray, "rows columns"]:
     """Return the depth at which each ray through hair enters the hull, in metres.
 
     Args:
-        hull: The hull.
+        walls: The hull.
         view: The photograph; rays go through its pixels of hair.
         step: One ray for `step` by `step` pixels.
 
@@ -257,24 +281,28 @@ def first_hit(
     pixel = np.stack([(x + 0.5) * step, (y + 0.5) * step, np.ones(len(x))])
     rays = np.linalg.solve(intrinsic, pixel).T @ cam[:3, :3]
     eye = -cam[:3, :3].T @ cam[:3, 3]
-    seen = project_points(hull.grid.centres(hull.hair), view.camera).depth
-    spacing = hull.grid.spacing
+    seen = project_points(walls.middles, view.camera).depth
+    spacing = walls.grid.spacing
     depths = np.arange(max(seen.min(), 0.01) - spacing, seen.max(), PACE * spacing)
-    limit = np.array(hull.grid.shape) - 1
+    shape, distance = walls.distance.shape, walls.distance.ravel()
     # No hair is nearer to any point of a voxel than its distance, less so much.
     around = (np.sqrt(3.0) - 0.5) * spacing
     pace = PACE * spacing * np.linalg.norm(rays, axis=1)
-    at, hit = np.zeros(len(rays), int), np.full(len(rays), np.inf)
-    alive = np.arange(len(rays))
+    start, way = (eye - walls.grid.origin) / spacing + 1.0, (rays / spacing).T
+    hit = np.full(len(rays), np.inf)
+    alive, at = np.arange(len(rays)), np.zeros(len(rays), int)
     while len(alive):
-        depth = depths[at[alive]]
-        voxel = hull.grid.voxel(eye + rays[alive] * depth[:, None])
-        near = tuple(np.clip(voxel, 0, limit).T)
-        struck = hull.grid.inside(voxel) & hull.hair[near]
+        depth = depths[at]
+        cell = np.zeros(len(alive), int)
+        for axis, size in enumerate(shape):
+            along = np.floor(start[axis] + way[axis] * depth)
+            cell = cell * size + np.clip(along, 0, size - 1).astype(int)
+        near = distance[cell]
+        struck = near < 0.0
         hit[alive[struck]] = depth[struck]
-        clear = (hull.distance[near] - around) / pace[alive]
-        at[alive] += np.maximum(clear, 1.0).astype(int)
-        alive = alive[~struck & (at[alive] < len(depths))]
+        at += np.maximum((near - around) / pace, 1.0).astype(int)
+        goes = ~struck & (at < len(depths))
+        alive, at, pace, way = alive[goes], at[goes], pace[goes], way[:, goes]
     out = np.full((rows, columns), np.inf)
     out[y, x] = hit
     return out

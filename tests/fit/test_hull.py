@@ -26,6 +26,7 @@ from hairfit.fit.hull import (
     carve,
     first_hit,
     hull_of,
+    walls_of,
     without_gaps,
 )
 from hairfit.render import Camera, mesh_depth
@@ -198,7 +199,7 @@ def test_first_hits_are_where_rays_meet_a_ball():
         lambda p: np.linalg.norm(p, axis=1) < radius, [-0.12] * 3, [0.12] * 3, spacing
     )
     hair = np.isfinite(sphere_depth(camera, radius))
-    found = first_hit(hull, view_of(camera, hair), step=1)
+    found = first_hit(walls_of(hull), view_of(camera, hair), step=1)
     assert np.array_equal(np.isfinite(found) & ~hair, np.zeros_like(hair))
     # Rays that graze the ball meet the voxels' corners.
     facing = np.isfinite(sphere_depth(camera, 0.7 * radius))
@@ -215,7 +216,7 @@ def test_rays_miss_nothing_where_they_skip_what_is_empty():
     hull = hull_of(grid, lumps, np.full(lumps.shape, 0.02))
     camera = camera_at([0.2, 0.1, 0.3])
     everywhere = np.ones((camera.height, camera.width), bool)
-    found = first_hit(hull, view_of(camera, everywhere), step=1)
+    found = first_hit(walls_of(hull), view_of(camera, everywhere), step=1)
     # Every ray, looked at wherever it was asked, one depth after the other.
     seen = project_points(grid.centres(lumps), camera).depth
     near, far = seen.min() - spacing, seen.max()
@@ -241,9 +242,9 @@ def test_first_hits_of_blocks_are_those_of_their_middles():
     hair = np.zeros((camera.height, camera.width), bool)
     hair[50:70, 40:60] = True
     hair[20, 31] = True
-    found = first_hit(hull, view_of(camera, hair), step=2)
+    found = first_hit(walls_of(hull), view_of(camera, hair), step=2)
     small = hair.reshape(64, 2, 64, 2).any(axis=(1, 3))
-    expected = first_hit(hull, view_of(half, small), step=1)
+    expected = first_hit(walls_of(hull), view_of(half, small), step=1)
     assert np.allclose(found, expected, atol=1e-9)
     assert np.isinf(found[~small]).all()
 
