@@ -36,12 +36,12 @@ class Rate(NamedTuple):
     memory_per_area: float
 
 
-# On two cores: `draft` by `benchmarks/cost.py`, the others estimated from single fits
-# of eight photographs by `benchmarks/accuracy.py`, on the safe side.
+# Those of `benchmarks/cost.py` on two cores of an AMD EPYC, seconds times 1.7: so much
+# slower the same kind of machine counts at other hours.
 RATES: dict[Quality, Rate] = {
-    "draft": Rate(45.0, 2.6, 30.0, 2.0, 0.05),
-    "normal": Rate(88.0, 5.4, 40.0, 2.2, 0.06),
-    "high": Rate(245.0, 10.0, 48.0, 2.3, 0.07),
+    "draft": Rate(37.0, 1.6, 21.0, 1.8, 0.05),
+    "normal": Rate(56.0, 4.7, 25.0, 1.9, 0.07),
+    "high": Rate(102.0, 10.0, 26.0, 2.3, 0.07),
 }
 # A machine may be this much slower than the one of the rates before a limit is broken.
 SAFETY = 1.15

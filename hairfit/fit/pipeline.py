@@ -201,7 +201,7 @@ def fit_capture(
     first = _first_tree(capture, head, config, room, store, progress)
     views, depths = zip(*first.sights, strict=True)
     hull, tree, maps = first.hull, first.tree, first.maps
-    progress("refining the tree", 0.6)
+    progress("refining the tree", 0.49)
     alike = {"points": preset.refine.points, "room": room}
     tree = prune(tree, _samples(tree, preset, config), hull, **alike)
     tree = refine(
@@ -211,12 +211,12 @@ def fit_capture(
         hair_volume(hull, first.field),
         inner_places(hull),
         preset.refine,
-        progress=lambda share: progress("refining the tree", 0.6 + 0.35 * share),
+        progress=lambda share: progress("refining the tree", 0.49 + 0.37 * share),
         room=room,
         enough=lambda: stop is not None and time.monotonic() - start > stop,
     )
     tree = prune(tree, _samples(tree, preset, config), hull, **alike)
-    progress("finding what is certain", 0.95)
+    progress("finding what is certain", 0.86)
     with ThreadPoolExecutor(1) as beside:
         certain = beside.submit(
             with_confidence,
@@ -230,7 +230,7 @@ def fit_capture(
         )
         # Rounded as its file will hold it, so that the strands are those of the file.
         tree = round_tree(tree)
-        progress("drawing strands", 0.96)
+        progress("drawing strands", 0.87)
         # As many strands as will be drawn, whose program is there already.
         key, spared = jax.random.key(config.seed), with_spare(config.strands)
         points = points_for(tree, first.curls.radius, STRAND_POINTS)
@@ -243,7 +243,7 @@ def fit_capture(
         skin = thinned(skin, sample_hair(tree, spared, points, key), first.sights)
         tree = round_tree(dataclasses.replace(tree, maps=skin))
         hair = derive_hair(tree, head, config.strands, points, config.seed)
-    progress("finding colour and light", 0.98)
+    progress("finding colour and light", 0.95)
     looks = _looks(hair, first, head, config.seed)
     if looks is not None:
         colour = fill(skin.colour, jnp.asarray(looks.colour, jnp.float32))
@@ -326,7 +326,7 @@ def _first_tree(
         progress("measuring the head", 0.0)
         shots = trusted_shots(capture.views, head, store)
         views, depths = shots.views, shots.depths
-        progress("carving the hull", 0.05)
+        progress("carving the hull", 0.03)
         hull = carve(views, depths, head, preset.spacing)
         sights = coarser_sights(shots, hull)
         size = largest([sight.view for sight in sights])
@@ -339,20 +339,20 @@ def _first_tree(
         all_maps = orientation_maps(
             shots.trusted.views,
             store,
-            lambda share: progress("finding orientation", 0.1 + 0.25 * share),
+            lambda share: progress("finding orientation", 0.11 + 0.02 * share),
         )
         all_maps = mute_clipped(shots.trusted.views, all_maps, shots.doubts)
         maps = [all_maps[k] for k in shots.used]
-        progress("carving by direction", 0.35)
+        progress("carving by direction", 0.13)
         allowed, hull = hull, carve_by_direction(hull, views, maps, depths)
         scalp = capture.scalp or wrapped_scalp(shots, head)
-        progress("growing strands", 0.4)
+        progress("growing strands", 0.27)
         curls = see_curls(hull, views, maps)
         roots = _roots(scalp, preset, config)
         hull = bridged(hull if curls.told else allowed, roots.points, views)
         field = _field(hull, shots, curls, roots, store)
         uv, grown = _grow(hull, field, curls, roots, preset, config, store)
-        progress("fitting cylinders", 0.5)
+        progress("fitting cylinders", 0.46)
         tree, error = _tree(scalp, uv, grown, preset, config, store)
     single_roots = len(np.unique(uv, axis=0))
     branches = len(uv) - single_roots

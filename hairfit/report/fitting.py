@@ -28,7 +28,7 @@ from .result import (
 from .show import show_result
 
 # Share of the time that the fit itself takes; the rest are pictures.
-FIT_SHARE = 0.92
+FIT_SHARE = 0.85
 
 
 @one_blas_thread()
