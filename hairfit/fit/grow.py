@@ -23,7 +23,10 @@ AT_ONCE = 512  # strands that are traced together
 CIRCLE, ROUND = 0.06, 0.35
 # Of the channels of `Space.lines`, which of them turn where the flow does.
 BACKWARDS = np.array([1, 1, 1, 1, -1, -1, -1, 1], np.float32)
-STEEPEST_CURLS = 0.1  # see `GrowConfig.steepest`
+# Of curls that are too fine to be seen, see `GrowConfig.steepest`.
+STEEPEST_UNSEEN = 0.1
+NEVER = 2.0  # no cosine is as large
+RIM_CURLS = 3.0  # radii of curls, see `GrowConfig.rim`
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,16 +46,29 @@ class GrowConfig:
     """Share of the last direction that a strand keeps where the field is sure."""
     spread: float = 0.15
     """Share of the flow across the field that strands follow, to fill the hull."""
+    rim: float = 0.0
+    """Strands keep so far inside the hull, but not beyond halfway to the skin, and less
+    where they meet it within 30 degrees of its normal."""
 
 
-def steps_on(spacing: float, *, curly: bool = False) -> GrowConfig:
-    """Return how strands grow on a grid of a spacing, in metres.
+def steps_on(spacing: float, *, radius: float = 0.0, told: bool = True) -> GrowConfig:
+    """Return how strands grow on a grid of a spacing.
 
-    Locks of curly hair do not slide along the hull, where only the sides of turns are:
-    they end where they leave it.
+    Locks whose curls are seen keep clear of the hull, which the turns of the outermost
+    make, and where only the sides of turns show; they slide along that rim to where
+    hair ends. Locks whose curls are not seen end where they leave the hull.
+
+    Args:
+        spacing: In metres.
+        radius: Of curls in metres, 0 for hair that does not curl.
+        told: Whether photographs tell which way locks run.
     """
-    steepest = STEEPEST_CURLS if curly else GrowConfig.steepest
-    return GrowConfig(step=max(GrowConfig.step, 0.8 * spacing), steepest=steepest)
+    config = GrowConfig(step=max(GrowConfig.step, 0.8 * spacing))
+    if not told:
+        return dataclasses.replace(config, steepest=STEEPEST_UNSEEN)
+    if radius == 0.0:
+        return config
+    return dataclasses.replace(config, steepest=NEVER, rim=RIM_CURLS * radius)
 
 
 class Space(NamedTuple):
@@ -113,8 +129,8 @@ def grow(
     """Return strands that start at the roots and follow the field to their tips.
 
     The field has no sign: a strand takes that of the flow, and ends where the flow
-    comes towards it or leads it in circles. It slides along the hull where it leaves
-    it at a low angle, and ends where it leaves it steeply.
+    comes towards it or leads it in circles. It slides along the hull, or along a rim
+    within it, where it leaves it at a low angle, and ends where it leaves it steeply.
 
     Args:
         space: Where hair can be, and how it runs there.
@@ -194,9 +210,13 @@ def trace(
         here = trilinear(channels, origin, spacing, goal)
         goal = goal + jnp.maximum(config.clearance - here[4], 0.0) * here[5:8]
         here = trilinear(channels, origin, spacing, goal)
-        leaves = here[0] > 0.0
+        out = jnp.clip(ahead @ here[1:4], 0.0, 1.0)
+        # No rim where a lock meets the hull head on: there its hair ends.
+        rim = jnp.clip(0.5 * here[4], 0.0, config.rim)
+        rim = rim * jnp.minimum(2.0 * jnp.sqrt(1.0 - out * out), 1.0)
+        leaves = here[0] + rim > 0.0
         ends = leaves & (ahead @ here[1:4] > steepest)
-        goal = goal - jnp.where(leaves, here[0], 0.0) * here[1:4]
+        goal = goal - jnp.where(leaves, here[0] + rim, 0.0) * here[1:4]
         move = goal - point
         ends = ends | (move @ last < 0.3 * config.step)
         alive = alive & ~ends

@@ -3,7 +3,15 @@ import pytest
 from ball_hair import RADIUS, hull_where, meridian
 
 from hairfit.fit.evidence import Field
-from hairfit.fit.grow import AT_ONCE, CIRCLE, ROUND, GrowConfig, grow, space_of
+from hairfit.fit.grow import (
+    AT_ONCE,
+    CIRCLE,
+    ROUND,
+    GrowConfig,
+    grow,
+    space_of,
+    steps_on,
+)
 
 CONFIG = GrowConfig()
 SPACING = 0.004
@@ -166,6 +174,28 @@ def test_strands_end_where_they_leave_the_hull_steeply():
     strands = grow(space_of(hull, field, field.direction), roots, level, 20)
     border = np.sqrt(0.03**2 - roots[:, 2] ** 2)
     assert np.abs(strands[:, -1, 0] - border).max() < 2 * CONFIG.step
+
+
+@pytest.mark.parametrize("lean", [0.3, 1.0])
+def test_locks_whose_curls_are_seen_slide_within_the_hull_to_its_end(lean):
+    hull = tube()
+    field = constant(hull, [np.sin(lean), -np.cos(lean), 0.0])
+    space = space_of(hull, field, field.direction)
+    config = steps_on(SPACING, radius=0.003)
+    locks = grow(space, 0.5 * ROOTS, DOWN, 40, config)
+    far = np.hypot(locks[..., 0], locks[..., 2])
+    assert np.abs(far[:, 25:35] - (0.03 - config.rim)).max() < 0.002
+    assert (locks[:, -1, 1] < -0.19).all()
+
+
+def test_locks_whose_curls_are_too_fine_to_be_seen_end_at_the_hull():
+    hull = tube()
+    field = constant(hull, [np.sin(0.3), -np.cos(0.3), 0.0])
+    space = space_of(hull, field, field.direction)
+    config = steps_on(SPACING, radius=0.004, told=False)
+    tips = grow(space, ROOTS, DOWN, 40, config)[:, -1]
+    assert np.abs(np.hypot(tips[:, 0], tips[:, 2]) - 0.03).max() < SPACING
+    assert (tips[:, 1] > -0.19).all()
 
 
 def test_no_strand_is_longer_than_the_longest():
