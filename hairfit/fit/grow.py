@@ -23,10 +23,8 @@ AT_ONCE = 512  # strands that are traced together
 CIRCLE, ROUND = 0.06, 0.35
 # Of the channels of `Space.lines`, which of them turn where the flow does.
 BACKWARDS = np.array([1, 1, 1, 1, -1, -1, -1, 1], np.float32)
-# Of curls that are too fine to be seen, see `GrowConfig.steepest`.
-STEEPEST_UNSEEN = 0.1
 NEVER = 2.0  # no cosine is as large
-RIM_CURLS = 3.0  # radii of curls, see `GrowConfig.rim`
+RIM = 0.015  # of curly hair, see `GrowConfig.rim`, in metres
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,24 +49,15 @@ class GrowConfig:
     where they meet it within 30 degrees of its normal."""
 
 
-def steps_on(spacing: float, *, radius: float = 0.0, told: bool = True) -> GrowConfig:
-    """Return how strands grow on a grid of a spacing.
+def steps_on(spacing: float, *, curly: bool = False) -> GrowConfig:
+    """Return how strands grow on a grid of a spacing, in metres.
 
-    Locks whose curls are seen keep clear of the hull, which the turns of the outermost
-    make, and where only the sides of turns show; they slide along that rim to where
-    hair ends. Locks whose curls are not seen end where they leave the hull.
-
-    Args:
-        spacing: In metres.
-        radius: Of curls in metres, 0 for hair that does not curl.
-        told: Whether photographs tell which way locks run.
+    Locks of curly hair keep clear of the hull, which the turns of the outermost make,
+    and where only the sides of turns show. They slide along that rim, and end where
+    they meet the hull head on.
     """
     config = GrowConfig(step=max(GrowConfig.step, 0.8 * spacing))
-    if not told:
-        return dataclasses.replace(config, steepest=STEEPEST_UNSEEN)
-    if radius == 0.0:
-        return config
-    return dataclasses.replace(config, steepest=NEVER, rim=RIM_CURLS * radius)
+    return dataclasses.replace(config, steepest=NEVER, rim=RIM) if curly else config
 
 
 class Space(NamedTuple):

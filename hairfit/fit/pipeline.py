@@ -420,7 +420,7 @@ def _grow(
     saved = store.load("grown")
     if saved is None:
         uv, start, normals = roots
-        step = steps_on(preset.spacing, radius=curls.radius, told=curls.told)
+        step = steps_on(preset.spacing, curly=curls.radius > 0.0)
         flow = hair_flow(hull, field, start)
         space = space_of(hull, field, flow)
         strands = grow(space, start, normals, GROWN_POINTS, step)

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from ball_hair import RADIUS, hull_where, meridian
@@ -177,25 +179,26 @@ def test_strands_end_where_they_leave_the_hull_steeply():
 
 
 @pytest.mark.parametrize("lean", [0.3, 1.0])
-def test_locks_whose_curls_are_seen_slide_within_the_hull_to_its_end(lean):
+def test_locks_of_curls_slide_within_the_hull_to_its_end(lean):
     hull = tube()
     field = constant(hull, [np.sin(lean), -np.cos(lean), 0.0])
     space = space_of(hull, field, field.direction)
-    config = steps_on(SPACING, radius=0.003)
+    config = dataclasses.replace(steps_on(SPACING, curly=True), rim=0.009)
     locks = grow(space, 0.5 * ROOTS, DOWN, 40, config)
     far = np.hypot(locks[..., 0], locks[..., 2])
     assert np.abs(far[:, 25:35] - (0.03 - config.rim)).max() < 0.002
     assert (locks[:, -1, 1] < -0.19).all()
 
 
-def test_locks_whose_curls_are_too_fine_to_be_seen_end_at_the_hull():
+def test_locks_of_curls_that_meet_the_hull_head_on_end_there():
     hull = tube()
-    field = constant(hull, [np.sin(0.3), -np.cos(0.3), 0.0])
+    level = np.tile([1.0, 0.0, 0.0], (3, 1))
+    roots = np.array([[0.0, -0.1, 0.0], [-0.01, -0.11, 0.0], [0.01, -0.09, 0.0]])
+    field = constant(hull, [1, 0, 0])
     space = space_of(hull, field, field.direction)
-    config = steps_on(SPACING, radius=0.004, told=False)
-    tips = grow(space, ROOTS, DOWN, 40, config)[:, -1]
-    assert np.abs(np.hypot(tips[:, 0], tips[:, 2]) - 0.03).max() < SPACING
-    assert (tips[:, 1] > -0.19).all()
+    locks = grow(space, roots, level, 20, steps_on(SPACING, curly=True))
+    assert np.abs(locks[:, -1, 0] - 0.03).max() < 2 * CONFIG.step
+    assert (lengths(locks) < 0.03 - roots[:, 0] + 2 * CONFIG.step).all()
 
 
 def test_no_strand_is_longer_than_the_longest():
