@@ -9,9 +9,8 @@ hardly sure of any direction, nor are those of smoother photographs, which show 
 noise hides. Such hair is taken to curl at no known pitch; its maps then say nothing of
 its locks. All other hair is taken as it looks.
 
-The phases of curls and their handedness are not recovered: neighbours hide one another,
-and photographs from far apart see other locks. Nor is their slope, of which maps show
-half; a pitch gives the radius as it does for the curls of single hairs, see `fur`.
+Their slope is not recovered, as maps show half of it; a pitch gives the radius as it
+does for the curls of single hairs, see `fur`. How they wind is found last, see `locks`.
 """
 
 import dataclasses

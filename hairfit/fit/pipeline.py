@@ -23,7 +23,7 @@ from ..model.maps import ScalpMaps, even_maps, fill
 from ..model.ownership import find_owner
 from ..model.scalp import Scalp, normals_on, points_on, sample_roots
 from ..model.strand import sample_hair
-from ..model.tree import HairTree, leaves, levels
+from ..model.tree import HairTree, children, leaves, levels
 from ..types import Mesh, Strands, along_paths, resample_paths
 from .ahead import (
     Shapes,
@@ -51,6 +51,7 @@ from .flow import hair_field, hair_flow
 from .gather import Rooted, gather_strands
 from .grow import grow, space_of, steps_on
 from .hull import Hull, carve
+from .locks import with_locks
 from .prune import prune
 from .refine import Photographs, RefineConfig, refine
 from .residuals import photo_maps
@@ -240,6 +241,8 @@ def fit_capture(
         skin = with_tips_inside(skin, sample_hair(tree, spared, points, key), hull)
         skin = dataclasses.replace(skin, curl=fill(skin.curl, first.curls.radius))
         tree = dataclasses.replace(tree, maps=skin)
+        seen = first.curls, first.shots, first.all_maps
+        tree = with_locks(tree, *seen, points, config.seed)
         skin = thinned(skin, sample_hair(tree, spared, points, key), first.sights)
         tree = round_tree(dataclasses.replace(tree, maps=skin))
         hair = derive_hair(tree, head, config.strands, points, config.seed)
@@ -250,7 +253,6 @@ def fit_capture(
         skin = dataclasses.replace(skin, colour=colour)
     sure = certain.result().confidence
     tree = round_tree(dataclasses.replace(tree, maps=skin, confidence=sure))
-    parent = np.asarray(tree.parent)
     figures = {
         "quality": quality,
         "voxels": int(hull.hair.sum()),
@@ -258,7 +260,7 @@ def fit_capture(
         "grown_strands": first.grown,
         "branches": first.branches,
         "levels": len(levels(tree)),
-        "root_clusters": int((parent < 0).sum()),
+        "root_clusters": len(children(tree, -1)),
         "leaf_clusters": len(leaves(tree)),
         "cylinder_error_mm": 1e3 * first.error,
         "direction_seen": first.curls.told,
@@ -355,7 +357,6 @@ def _first_tree(
         progress("fitting cylinders", 0.46)
         tree, error = _tree(scalp, uv, grown, preset, config, store)
     single_roots = len(np.unique(uv, axis=0))
-    branches = len(uv) - single_roots
     return First(
         shots,
         sights,
@@ -367,7 +368,7 @@ def _first_tree(
         tree,
         error,
         single_roots,
-        branches,
+        len(uv) - single_roots,
     )
 
 
@@ -451,15 +452,13 @@ def _tree(
     if saved is not None:
         return load_tree(store.path("tree.hairtree")), float(saved["error"])
     rooted = Rooted(uv, strands, on_scalp(scalp, uv).slope)
-    gathering = TreeifyConfig(
-        preset.leaves, preset.levels, preset.knots, seed=config.seed
-    )
+    how = TreeifyConfig(preset.leaves, preset.levels, preset.knots, seed=config.seed)
     count = min(preset.leaves, len(uv) // STRANDS_A_LEAF)
-    label = gather_strands(rooted, count, rounds=gathering.rounds, seed=gathering.seed)
+    label = gather_strands(rooted, count, rounds=how.rounds, seed=how.seed)
     if preset.settles:
         rooted, label = settled(scalp, rooted, label, preset.guides, config.seed)
-    found = levels_above(rooted, label, gathering)
-    fitted = fit_levels(scalp, rooted, found, gathering.steps)
+    found = levels_above(rooted, label, how)
+    fitted = fit_levels(scalp, rooted, found, how.steps)
     tree = single(fitted.tree)
     if store.folder is not None:
         save_tree(store.path("tree.hairtree"), tree, exact=True)

@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..host import on_device
 from ..model.certainty import TreeConfidence
 from ..model.cylinder import GeneralizedCylinder
+from ..model.locks import Locks
 from ..model.maps import ScalpMaps
 from ..model.scalp import Scalp
 from ..model.tree import HairTree, ScalpContour
@@ -75,6 +76,10 @@ CONFIDENCE: dict[str, Entry] = {
     "confidence/sigma_angle": Entry(("clusters",), 2.0**-11),
     "confidence/photographed": Entry(("clusters",), 2.0**-8),
 }
+LOCKS: dict[str, Entry] = {
+    "locks/phase": Entry(("clusters", "knots"), 2.0**-6, 1),
+    "locks/hand": Entry(("clusters",), 1.0),
+}
 COUNTS = {"wisps": ("wisps",), "maps": ("rows", "columns")}
 
 
@@ -83,7 +88,8 @@ def entries_of(header: dict[str, Any]) -> dict[str, Entry]:
     wisps = WISPS if "wisps" in header else {}
     maps = MAPS if "rows" in header else {}
     confidence = CONFIDENCE if header.get("confidence") else {}
-    return {**TREE, **wisps, **maps, **confidence}
+    locks = LOCKS if header.get("locks") else {}
+    return {**TREE, **wisps, **maps, **confidence, **locks}
 
 
 def save_tree(path: Path | str, tree: HairTree, *, exact: bool = False) -> None:
@@ -143,6 +149,8 @@ def header_of(tree: HairTree) -> dict[str, Any]:
         header["rows"], header["columns"] = tree.maps.density.shape
     if tree.confidence is not None:
         header["confidence"] = True
+    if tree.locks is not None:
+        header["locks"] = True
     return header
 
 
@@ -258,6 +266,7 @@ def read_header(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
         and all(type(header[name]) is int and header[name] >= 0 for name in counts)
         and len(parent) == header["clusters"]
         and header.get("confidence", True) is True
+        and header.get("locks", True) is True
         and all(type(p) is int and -1 <= p < i for i, p in enumerate(parent))
     )
     if not sane:
@@ -311,7 +320,7 @@ def build_tree(arrays: dict[str, np.ndarray], header: dict[str, Any]) -> HairTre
         names = [name for name in arrays if name.startswith(group + "/")]
         return {name.split("/")[1]: on_device(arrays[name]) for name in names}
 
-    wisps = maps = confidence = None
+    wisps = maps = confidence = locks = None
     if "wisps" in header:
         content = part("wisps")
         owner = content["owner"].astype(jnp.int32)
@@ -322,6 +331,8 @@ def build_tree(arrays: dict[str, np.ndarray], header: dict[str, Any]) -> HairTre
         maps = ScalpMaps(**part("maps"))
     if header.get("confidence"):
         confidence = TreeConfidence(**part("confidence"))
+    if header.get("locks"):
+        locks = Locks(**part("locks"))
     return HairTree(
         scalp=Scalp(**part("scalp")),
         contour=jax.vmap(lambda one: ScalpContour(**one))(part("contour")),
@@ -331,4 +342,5 @@ def build_tree(arrays: dict[str, np.ndarray], header: dict[str, Any]) -> HairTre
         wisps=wisps,
         maps=maps,
         confidence=confidence,
+        locks=locks,
     )

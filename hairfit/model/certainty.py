@@ -58,7 +58,7 @@ def unknown_confidence() -> TreeConfidence:
 
 
 def heirs(count: int, parent: Sequence[int]) -> Int[np.ndarray, " clusters"]:
-    """Return whose confidence each cluster has after some were added.
+    """Return whose confidence and locks each cluster has after some were added.
 
     Nothing was measured of the added ones: each is as certain as the cluster that it
     belongs to, and unknown without one.

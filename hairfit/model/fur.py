@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray, ScalarLike, UInt32
 
 from .curve import arc_length
-from .frame import rotation_minimising_frames
+from .frame import Frames, rotation_minimising_frames
 from .maps import (
     RootAttributes,
     ScalpMaps,
@@ -23,6 +23,8 @@ from .vector import norm, perpendicular, unit
 PITCH = 6.0
 # The shortest turn, in metres: finer curls are no more seen than drawn.
 LEAST_PITCH = 0.002
+# Standard deviation of the phases of hairs about that of their lock, in radians.
+LOOSE = 0.8
 
 
 class FurStyle(eqx.Module):
@@ -166,6 +168,8 @@ def curl_each(
     strands: Float[Array, "strands points 3"],
     radius: Float[Array, " strands"],
     key: PRNGKeyArray | UInt32[Array, " 2"],
+    phase: Float[Array, "strands points"] | None = None,
+    hand: Float[Array, " strands"] | None = None,
 ) -> Float[Array, "strands points 3"]:
     """Return strands with curls of single hairs, each at a random phase.
 
@@ -175,12 +179,21 @@ def curl_each(
         strands: Strands, root first.
         radius: Radius of the curls of each, in metres; 0 leaves the strand.
         key: Randomness of the phases.
+        phase: Of each strand's lock at each point, in radians, from which that of the
+            hair deviates by `LOOSE`; None where hairs curl each for itself.
+        hand: 1 for locks that wind to the right, -1 for those to the left; None with
+            `phase`.
     """
     if not radius.any():
         return strands
     radius = radius.astype(strands.dtype)
-    phase = jax.random.uniform(key, radius.shape, radius.dtype, 0.0, 2.0 * jnp.pi)
-    return curl_strands(strands, radius, curl_pitch(radius), phase)
+    pitch = curl_pitch(radius)
+    if phase is None or hand is None:
+        own = jax.random.uniform(key, radius.shape, radius.dtype, 0.0, 2.0 * jnp.pi)
+        return curl_strands(strands, radius, pitch, own)
+    own = LOOSE * jax.random.normal(key, radius.shape, radius.dtype)
+    phase = phase.astype(strands.dtype) + own[:, None]
+    return wind_strands(strands, radius, pitch, phase, hand.astype(strands.dtype))
 
 
 def curl_pitch(radius: Float[Array, " strands"]) -> Float[Array, " strands"]:
@@ -213,20 +226,62 @@ def curl_strands(
         pitch: Length of the strand that one turn takes, in metres, above 0.
         phase: Where about the strand the helix starts, in radians.
     """
+    return wind_strands(strands, radius, pitch, phase[:, None], jnp.ones_like(phase))
 
-    def one(strand, radius, pitch, phase):
-        along = arc_length(strand)
-        turn = along / jnp.where(pitch > 0.0, pitch, 1.0)
-        start = jnp.clip(turn, 0.0, 1.0)
-        size = radius * start * start * (3.0 - 2.0 * start)
-        angle = phase + 2.0 * jnp.pi * turn
-        up = jnp.array([0.0, 1.0, 0.0], strand.dtype)
-        first = perpendicular(unit(strand[1] - strand[0], up))
-        frames = rotation_minimising_frames(strand, first)
-        return (
-            strand
-            + (size * jnp.cos(angle))[:, None] * frames.normal
-            + (size * jnp.sin(angle))[:, None] * frames.binormal
-        )
 
-    return jax.vmap(one)(strands, radius, pitch, phase)
+@jax.jit
+def wind_strands(
+    strands: Float[Array, "strands points 3"],
+    radius: Float[Array, " strands"],
+    pitch: Float[Array, " strands"],
+    phase: Float[Array, "strands _points"],
+    hand: Float[Array, " strands"],
+) -> Float[Array, "strands points 3"]:
+    """Return strands with curls whose phase may drift along them, see `curl_strands`.
+
+    Args:
+        strands: Strands, root first.
+        radius: Radius of the curls of each, in metres; 0 leaves the strand.
+        pitch: Length of the strand that one turn takes, in metres, above 0.
+        phase: Where about the strand the helix stands at each point, beside the turns
+            that it has made, in radians; or one number a strand.
+        hand: 1 for curls that wind to the right, -1 for those to the left.
+    """
+
+    def one(strand, radius, pitch, phase, hand):
+        helix = helix_of(strand, radius, pitch)
+        angle = phase + hand * helix.angle
+        across = jnp.cos(angle)[:, None] * helix.frames.normal
+        across = across + jnp.sin(angle)[:, None] * helix.frames.binormal
+        return strand + helix.size[:, None] * across
+
+    return jax.vmap(one)(strands, radius, pitch, phase, hand)
+
+
+class Helix(NamedTuple):
+    """What a hair winds about, and how far it has come there.
+
+    Attributes:
+        angle: By which it has turned, in radians.
+        size: Its radius, in metres.
+        frames: Of the strand that it winds about.
+    """
+
+    angle: Float[Array, " points"]
+    size: Float[Array, " points"]
+    frames: Frames
+
+
+def helix_of(
+    strand: Float[Array, "points 3"],
+    radius: Float[Array, ""],
+    pitch: Float[Array, ""],
+) -> Helix:
+    """Return the helix of curls of a radius and pitch, in metres, about a strand."""
+    turn = arc_length(strand) / jnp.where(pitch > 0.0, pitch, 1.0)
+    start = jnp.clip(turn, 0.0, 1.0)
+    size = radius * start * start * (3.0 - 2.0 * start)
+    up = jnp.array([0.0, 1.0, 0.0], strand.dtype)
+    first = perpendicular(unit(strand[1] - strand[0], up))
+    frames = rotation_minimising_frames(strand, first)
+    return Helix(2.0 * jnp.pi * turn, size, frames)

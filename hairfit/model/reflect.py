@@ -14,9 +14,10 @@ from .contour import ANGLES
 from .curve import EXACT
 from .cylinder import GeneralizedCylinder
 from .edit import Plane, check_cluster
+from .locks import Locks
 from .maps import ScalpMaps
 from .scalp import Scalp, scalp_point, scalp_tangents, scalp_uv
-from .tree import HairTree, ScalpContour, descendants, graft
+from .tree import HairTree, ScalpContour, descendants, graft, joined
 from .vector import TINY, unit
 from .wisp import Wisps
 
@@ -75,8 +76,16 @@ def mirror(tree: HairTree, plane: Plane = SAGITTAL) -> HairTree:
     maps = tree.maps
     if maps is not None:
         maps = mirror_maps(tree.scalp, maps, reflection(plane))
+    locks = tree.locks
+    if locks is not None:
+        locks = eqx.tree_at(lambda one: one.hand, locks, -locks.hand)
     return dataclasses.replace(
-        tree, contour=some.contour, cylinder=some.cylinder, wisps=wisps, maps=maps
+        tree,
+        contour=some.contour,
+        cylinder=some.cylinder,
+        wisps=wisps,
+        maps=maps,
+        locks=locks,
     )
 
 
@@ -111,6 +120,10 @@ def mirror_cluster(
     image = mirror_clusters(tree.scalp, some[0], some[1], reflection(plane))
     parents = [place.get(tree.parent[i], parent) for i in family.tolist()]
     grown = graft(tree, image.contour, image.cylinder, some[2], parents)
+    if tree.locks is not None:
+        phase, hand = tree.locks.phase[family], -tree.locks.hand[family]
+        phase, hand = joined(tree.locks.phase, phase), joined(tree.locks.hand, hand)
+        grown = dataclasses.replace(grown, locks=Locks(phase, hand))
     wisps = tree.wisps
     if wisps is None:
         return grown

@@ -23,6 +23,7 @@ from .cylinder import (
 )
 from .frame import Frames
 from .fur import curl_each
+from .locks import phases_along
 from .maps import keep_roots, root_attributes
 from .ownership import find_owner, local_coordinates
 from .scalp import Scalp, sample_roots, scalp_point
@@ -268,7 +269,11 @@ def sample_hair(
     painted = root_attributes(tree.maps, uv)
     eta = eta * painted.length.astype(eta.dtype)
     strands = grow_strands(roomy, uv, owner, eta, points)
-    strands = curl_each(strands, painted.curl, jax.random.fold_in(eta_key, 1))
+    locks = tree.locks
+    phase = None if locks is None else phases_along(locks, owner, eta, points)
+    hand = None if locks is None else locks.hand[jnp.maximum(owner, 0)]
+    curl_key = jax.random.fold_in(eta_key, 1)
+    strands = curl_each(strands, painted.curl, curl_key, phase, hand)
     return Hair(strands, uv, owner, eta)
 
 

@@ -15,6 +15,7 @@ from ..host import more_rows, on_device
 from .certainty import TreeConfidence, heirs, unknown_confidence
 from .contour import ANGLES, contour_radius
 from .cylinder import GeneralizedCylinder
+from .locks import Locks, unknown_locks
 from .maps import ScalpMaps
 from .scalp import Scalp, scalp_normal, scalp_point, scalp_tangents
 from .vector import norm, reject
@@ -50,6 +51,8 @@ class HairTree(eqx.Module):
         wisps: What single hairs do beside their cluster, or None.
         maps: What is painted on the scalp, or None for even hair.
         confidence: How sure a fit is of each cluster, or None if none has said so.
+        locks: How the curls of each cluster's hair wind together, or None where each
+            hair curls for itself.
     """
 
     scalp: Scalp
@@ -60,10 +63,11 @@ class HairTree(eqx.Module):
     wisps: Wisps | None = None
     maps: ScalpMaps | None = None
     confidence: TreeConfidence | None = None
+    locks: Locks | None = None
 
     def __check_init__(self):
         count = len(self.parent)
-        for name in ("contour", "cylinder", "length_variation", "confidence"):
+        for name in ("contour", "cylinder", "length_variation", "confidence", "locks"):
             for leaf in jax.tree.leaves(getattr(self, name)):
                 if leaf.shape[:1] != (count,):
                     raise ValueError(
@@ -152,9 +156,12 @@ def take(tree: HairTree, keep: Bool[np.ndarray, " clusters"]) -> HairTree:
     index = np.flatnonzero(keep)
     number = np.where(keep, np.cumsum(keep) - 1, -1)
     parent = np.asarray(tree.parent, int)[index]
-    contour, cylinder, variation, confidence = jax.tree.map(
+    contour, cylinder, variation, *known = jax.tree.map(
         lambda leaf: rows_of(leaf, index),
-        (tree.contour, tree.cylinder, tree.length_variation, tree.confidence),
+        (
+            *(tree.contour, tree.cylinder, tree.length_variation),
+            *(tree.confidence, tree.locks),
+        ),
     )
     renumbered = tuple(int(number[p]) if p >= 0 else -1 for p in parent)
     wisps = tree.wisps
@@ -165,7 +172,7 @@ def take(tree: HairTree, keep: Bool[np.ndarray, " clusters"]) -> HairTree:
         owner = jnp.asarray(owner[held], wisps.owner.dtype)
         wisps = eqx.tree_at(lambda w: w.owner, wisps, owner)
     parts = tree.scalp, contour, cylinder, variation, renumbered
-    return HairTree(*parts, wisps, tree.maps, confidence)
+    return HairTree(*parts, wisps, tree.maps, *known)
 
 
 def rows_of(array: Array | np.ndarray, index: Int[np.ndarray, " rows"]) -> Array:
@@ -209,7 +216,8 @@ def graft(
 ) -> HairTree:
     """Return the tree with clusters added behind those that it has.
 
-    Where the tree knows how sure a fit was, they are as certain as their parents.
+    Where the tree knows how sure a fit was, they are as certain as their parents, and
+    their curls wind as those of their parents do.
 
     Args:
         tree: The tree.
@@ -233,13 +241,19 @@ def graft(
         joined, before, (contour, cylinder, length_variation)
     )
     numbers = tree.parent + tuple(int(p) for p in parent)
-    confidence = tree.confidence
+    source = heirs(tree.count, numbers[tree.count :])
+
+    def inherited(known, unknown):
+        every = jax.tree.map(joined, known, unknown)
+        return jax.tree.map(lambda leaf: rows_of(leaf, source), every)
+
+    confidence, locks = tree.confidence, tree.locks
     if confidence is not None:
-        source = heirs(tree.count, numbers[tree.count :])
-        known = jax.tree.map(joined, confidence, unknown_confidence())
-        confidence = jax.tree.map(lambda leaf: rows_of(leaf, source), known)
+        confidence = inherited(confidence, unknown_confidence())
+    if locks is not None:
+        locks = inherited(locks, unknown_locks(knots))
     parts = tree.scalp, contour, cylinder, variation, numbers
-    return HairTree(*parts, tree.wisps, tree.maps, confidence)
+    return HairTree(*parts, tree.wisps, tree.maps, confidence, locks)
 
 
 def plant(

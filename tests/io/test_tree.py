@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from hairfit.errors import InputError
 from hairfit.io.tree import (
     CONFIDENCE,
+    LOCKS,
     MAPS,
     TREE,
     WISPS,
@@ -26,6 +27,7 @@ from hairfit.io.tree import (
 )
 from hairfit.model.certainty import TreeConfidence
 from hairfit.model.cylinder import GeneralizedCylinder
+from hairfit.model.locks import Locks
 from hairfit.model.maps import ScalpMaps
 from hairfit.model.scalp import Scalp
 from hairfit.model.tree import HairTree, ScalpContour
@@ -56,7 +58,7 @@ def make_tree(clusters=3, knots=5, seed=0):
 
 
 def with_details(tree, seed=0):
-    """Return the tree with wisps, maps and confidence."""
+    """Return the tree with wisps, maps, confidence and locks."""
     rng = np.random.default_rng(seed)
 
     def some(*shape):
@@ -67,7 +69,10 @@ def with_details(tree, seed=0):
     maps = ScalpMaps(some(4, 6), some(4, 6), some(4, 6), some(4, 6, 3), some(4, 6))
     wisps = Wisps(some(7, 2), owner, 0.01 * some(7, knots, 3))
     sure = TreeConfidence(some(tree.count), some(tree.count), some(tree.count))
-    return dataclasses.replace(tree, wisps=wisps, maps=maps, confidence=sure)
+    hand = jnp.asarray(rng.choice([-1.0, 1.0], tree.count).astype(np.float32))
+    locks = Locks(6.0 * some(tree.count, knots), hand)
+    given = {"wisps": wisps, "maps": maps, "confidence": sure, "locks": locks}
+    return dataclasses.replace(tree, **given)
 
 
 def any_tree(test):
@@ -103,8 +108,8 @@ def test_a_tree_comes_back_within_half_a_step(tmp_path_factory, what):
     assert jax.tree.structure(again) == jax.tree.structure(tree)
     assert jax.tree.all(jax.tree.map(jnp.array_equal, again, round_tree(tree)))
     reach = np.maximum(np.mean(again.cylinder.radius, axis=1), 0.0004)
-    for name, entry in {**TREE, **WISPS, **MAPS, **CONFIDENCE}.items():
-        optional = name.split("/")[0] in ("wisps", "maps", "confidence")
+    for name, entry in {**TREE, **WISPS, **MAPS, **CONFIDENCE, **LOCKS}.items():
+        optional = name.split("/")[0] in ("wisps", "maps", "confidence", "locks")
         if optional and tree.wisps is None:
             continue
         mine, other = (
@@ -124,7 +129,7 @@ def test_a_tree_comes_back_within_half_a_step(tmp_path_factory, what):
 def test_a_tree_of_an_old_version_is_read_for_ever(version):
     tree = load_tree(SAMPLES / f"version{version}.hairtree")
     want = make_tree(3, 5) if version == 1 else with_details(make_tree(3, 5))
-    want = dataclasses.replace(want, confidence=None)  # neither version had it
+    want = dataclasses.replace(want, confidence=None, locks=None)  # neither had them
     assert tree.parent == want.parent
     assert (tree.wisps is None) == (version == 1)
     closest = 0.0 if version == 1 else 0.02  # thin clusters have coarse scales
@@ -267,6 +272,8 @@ def rewrite(folder, change=None, arrays=None, tree=None, exact=True):
         ({"rows": 3}, r"is damaged or no \.hairtree"),
         ({"confidence": True}, r"is damaged or no \.hairtree"),
         ({"confidence": 1}, "its clusters do not form a tree"),
+        ({"locks": True}, r"is damaged or no \.hairtree"),
+        ({"locks": 1}, "its clusters do not form a tree"),
     ],
 )
 def test_a_header_that_does_not_fit_is_refused(tmp_path, change, message):
