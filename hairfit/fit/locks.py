@@ -15,7 +15,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 from scipy import ndimage
 
 from ..abreast import abreast
@@ -27,7 +27,8 @@ from ..model.locks import Locks
 from ..model.maps import fill
 from ..model.strand import sample_hair
 from ..model.tree import HairTree
-from ..render import Camera
+from ..render import Camera, project_points
+from ..render.raster import cells
 from .curls import Curls
 from .shots import Shots
 
@@ -44,21 +45,27 @@ DRIFT = 1.0
 
 
 class Turns(NamedTuple):
-    """Hair as middle lines, and the helices that wind about them.
+    """Points of hair on the middle lines of its curls, and the helices about these.
 
     Attributes:
-        middle: The lines, in metres.
-        tangent: Their unit directions.
-        helix: How each of them winds.
-        owner: The cluster of each.
-        knot: The knot of the cluster that is next to each point.
+        middle: The points, in metres.
+        tangent: Unit direction of the line there.
+        normal: Where the helix is at an angle of 0, a unit vector across the line.
+        binormal: Where it is at a right angle.
+        angle: By which the helix has turned, in radians.
+        size: Its radius, in metres.
+        slope: Metres that it goes across for each metre along.
+        place: Which knot of all clusters' is next to the point.
     """
 
-    middle: Float[np.ndarray, "strands points 3"]
-    tangent: Float[np.ndarray, "strands points 3"]
-    helix: Helix
-    owner: Int[np.ndarray, " strands"]
-    knot: Int[np.ndarray, "strands points"]
+    middle: Float[np.ndarray, "points 3"]
+    tangent: Float[np.ndarray, "points 3"]
+    normal: Float[np.ndarray, "points 3"]
+    binormal: Float[np.ndarray, "points 3"]
+    angle: Float[np.ndarray, " points"]
+    size: Float[np.ndarray, " points"]
+    slope: Float[np.ndarray, " points"]
+    place: Int[np.ndarray, " points"]
 
 
 class Paths(NamedTuple):
@@ -145,13 +152,23 @@ def find_turns(tree: HairTree, points: int, seed: int) -> Turns:
     tree = dataclasses.replace(tree, maps=bare, locks=None)
     hair = sample_hair(tree, STRANDS, points, jax.random.key(seed))
     radii = jnp.full(len(hair.strands), radius, hair.strands.dtype)
-    helix = jax.tree.map(np.asarray, helices(hair.strands, radii, curl_pitch(radii)))
-    share = np.asarray(hair.eta)[:, None] * np.linspace(0.0, 1.0, points)
+    helix = helices(hair.strands, radii, curl_pitch(radii))
     knots = tree.cylinder.skeleton.shape[1]
+    share = np.asarray(hair.eta)[:, None] * np.linspace(0.0, 1.0, points)
     knot = np.clip(np.rint(share * (knots - 1)).astype(int), 0, knots - 1)
-    middle = np.asarray(hair.strands)
+    middle, tangent, normal, binormal = (
+        np.asarray(one).reshape(-1, 3) for one in (hair.strands, *helix.frames)
+    )
+    size = np.asarray(helix.size).ravel()
     return Turns(
-        middle, np.asarray(helix.frames.tangent), helix, np.asarray(hair.owner), knot
+        middle,
+        tangent,
+        normal,
+        binormal,
+        np.asarray(helix.angle).ravel(),
+        size,
+        2.0 * np.pi / PITCH * size / radius,
+        (np.asarray(hair.owner)[:, None] * knots + knot).ravel(),
     )
 
 
@@ -191,81 +208,39 @@ def ask_view(
         camera: Of the photograph.
         found: Its orientation map.
     """
-    size, angle = np.asarray(turns.helix.size), np.asarray(turns.helix.angle)
-    frames = turns.helix.frames
-    pixel, depth = pixels_of(camera, turns.middle)
-    row, column, inside = rows_of_pixels(pixel, found.confidence.shape)
-    front = np.full(found.confidence.shape, np.inf)
+    height, width = found.confidence.shape
+    pixels = project_points(turns.middle, camera)
+    row, column, inside = cells(pixels, width, height)
     # The front of a turn stands before the middle.
-    nearest = (depth - size)[inside]
-    np.minimum.at(front, (row[inside], column[inside]), nearest)
+    nearest = pixels.depth - turns.size
+    front = np.full((height, width), np.inf)
+    np.minimum.at(front, (row[inside], column[inside]), nearest[inside])
     front = ndimage.minimum_filter(front, 2 * SPLAT + 1)
-    near = inside & (depth - size < front[row, column] + BEHIND)
-    place = np.nonzero(near)
-    where = turns.owner[place[0]] * shape[1] + turns.knot[place]
-    centre, along, size, angle = (
-        one[place] for one in (turns.middle, turns.tangent, size, angle)
-    )
-    normal, binormal = (
-        np.asarray(one)[place] for one in (frames.normal, frames.binormal)
-    )
+    near = inside & (nearest < front[row, column] + BEHIND)
+    some = Turns(*(one[near] for one in turns))
     told = np.zeros((len(HANDS), PHASES, shape[0] * shape[1]))
     count = np.zeros(shape[0] * shape[1])
     for h, hand in enumerate(HANDS):
         for k in range(PHASES):
-            turn = 2.0 * np.pi * k / PHASES + hand * angle
+            turn = 2.0 * np.pi * k / PHASES + hand * some.angle
             cosine, sine = np.cos(turn)[:, None], np.sin(turn)[:, None]
-            at = centre + size[:, None] * (cosine * normal + sine * binormal)
-            slope = hand * 2.0 * np.pi / PITCH * (size / size.max(initial=1e-9))
-            goes = along + slope[:, None] * (cosine * binormal - sine * normal)
-            pixel, depth = pixels_of(camera, at)
-            ahead = pixels_of(camera, at + AHEAD * goes).pixel - pixel
-            row, column, inside = rows_of_pixels(pixel, front.shape)
-            seen = inside & (depth < front[row, column] + BEHIND)
+            out = cosine * some.normal + sine * some.binormal
+            across = hand * (cosine * some.binormal - sine * some.normal)
+            at = some.middle + some.size[:, None] * out
+            goes = some.tangent + some.slope[:, None] * across
+            pixels = project_points(at, camera)
+            ahead = project_points(at + AHEAD * goes, camera).pixel - pixels.pixel
+            row, column, inside = cells(pixels, width, height)
+            seen = inside & (pixels.depth < front[row, column] + BEHIND)
             # What runs towards the camera is short in the picture and says less.
             length = np.linalg.norm(ahead, axis=1)
             weight = found.confidence[row, column] * seen * length
             off = np.arctan2(ahead[:, 1], ahead[:, 0]) - found.angle[row, column]
             agree = weight * np.cos(2.0 * off)
-            told[h, k] += np.bincount(where, agree, minlength=told.shape[2])
-            count += np.bincount(where, weight, minlength=told.shape[2])
+            told[h, k] = np.bincount(some.place, agree, minlength=told.shape[2])
+            count += np.bincount(some.place, weight, minlength=told.shape[2])
     count /= len(HANDS) * PHASES
     return Answer(told.reshape(*told.shape[:2], *shape), count.reshape(shape))
-
-
-class Landed(NamedTuple):
-    """Where points land in a photograph: pixels, and depth in metres."""
-
-    pixel: Float[np.ndarray, "*points 2"]
-    depth: Float[np.ndarray, "*points"]
-
-
-def pixels_of(camera: Camera, points: Float[np.ndarray, "*points 3"]) -> Landed:
-    """Return where many points land."""
-    turn = np.asarray(camera.cam_from_world, np.float64)
-    seen = points @ turn[:3, :3].T + turn[:3, 3]
-    flat = seen @ np.asarray(camera.K, np.float64).T
-    return Landed(flat[..., :2] / np.maximum(flat[..., 2:], 1e-9), seen[..., 2])
-
-
-class Pixels(NamedTuple):
-    """Indices of pixels, and which of them are in the picture."""
-
-    row: Int[np.ndarray, "*points"]
-    column: Int[np.ndarray, "*points"]
-    inside: Bool[np.ndarray, "*points"]
-
-
-def rows_of_pixels(
-    pixel: Float[np.ndarray, "*points 2"], shape: tuple[int, ...]
-) -> Pixels:
-    """Return the pixels that hold points, the nearest of the border for those out."""
-    index = np.floor(pixel).astype(int)
-    row, column = (
-        np.clip(index[..., axis], 0, size - 1)
-        for axis, size in zip((1, 0), shape, strict=True)
-    )
-    return Pixels(row, column, (index[..., 1] == row) & (index[..., 0] == column))
 
 
 def best_paths(told: Float[np.ndarray, "phases clusters knots"], cost: float) -> Paths:

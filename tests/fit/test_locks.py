@@ -9,12 +9,12 @@ import pytest
 from hairfit.capture import View
 from hairfit.capture.orientation import OrientationMap
 from hairfit.fit.curls import Curls
-from hairfit.fit.locks import PHASES, best_paths, find_locks, pixels_of, with_locks
+from hairfit.fit.locks import PHASES, best_paths, find_locks, with_locks
 from hairfit.fit.shots import Shots, Trusted
 from hairfit.model import even_maps, leaves, take
 from hairfit.model.locks import Locks
 from hairfit.model.strand import sample_hair
-from hairfit.render import Camera
+from hairfit.render import Camera, project_points
 from hairfit.synthetic import make_head, make_scalp, make_style
 from hairfit.synthetic.scene import looking_at
 
@@ -55,7 +55,7 @@ class Drawn(NamedTuple):
 
 def drawn(camera, strands, owner) -> Drawn:
     """Return the map of hair: in each pixel the angle of what is foremost."""
-    pixel, depth = pixels_of(camera, strands)
+    pixel, depth = project_points(strands, camera)
     step = np.diff(pixel, axis=1)
     angle = np.mod(np.arctan2(step[..., 1], step[..., 0]), np.pi).ravel()
     middle = 0.5 * (pixel[:, 1:] + pixel[:, :-1]).reshape(-1, 2)
