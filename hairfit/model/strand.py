@@ -234,8 +234,9 @@ def sample_hair(
     Roots are even over the scalp's area, and those that no cluster contains are left
     out. Tips vary as each cluster's `length_variation` says. In a tree with maps, the
     share of the roots that grow, their lengths and the curls of single hairs are as
-    painted. Fewer strands come back only if clusters cover next to nothing of the
-    scalp, and none if they cover nothing.
+    painted; the curls of a cluster wind as its lock does, if the tree has locks. Fewer
+    strands come back only if clusters cover next to nothing of the scalp, and none if
+    they cover nothing.
 
     Runs outside `jit`.
 
