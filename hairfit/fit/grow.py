@@ -199,12 +199,12 @@ def trace(
         here = trilinear(channels, origin, spacing, goal)
         goal = goal + jnp.maximum(config.clearance - here[4], 0.0) * here[5:8]
         here = trilinear(channels, origin, spacing, goal)
-        out = jnp.clip(ahead @ here[1:4], 0.0, 1.0)
+        out = ahead @ here[1:4]
         # No rim where a lock meets the hull head on: there its hair ends.
         rim = jnp.clip(0.5 * here[4], 0.0, config.rim)
-        rim = rim * jnp.minimum(2.0 * jnp.sqrt(1.0 - out * out), 1.0)
+        rim = rim * jnp.minimum(2.0 * jnp.sqrt(1.0 - jnp.clip(out, 0.0, 1.0) ** 2), 1.0)
         leaves = here[0] + rim > 0.0
-        ends = leaves & (ahead @ here[1:4] > steepest)
+        ends = leaves & (out > steepest)
         goal = goal - jnp.where(leaves, here[0] + rim, 0.0) * here[1:4]
         move = goal - point
         ends = ends | (move @ last < 0.3 * config.step)

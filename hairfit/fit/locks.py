@@ -22,9 +22,9 @@ from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..host import on_device
-from ..model.fur import PITCH, Helix, curl_pitch, helix_of
+from ..model.fur import Helix, curl_pitch, helix_of
 from ..model.locks import Locks
-from ..model.maps import fill
+from ..model.maps import fill, root_attributes
 from ..model.strand import sample_hair
 from ..model.tree import HairTree
 from ..render import Camera, project_points
@@ -91,7 +91,7 @@ def with_locks(
     """Return the tree with its locks, or as it is where no curls are seen.
 
     Args:
-        tree: A tree whose maps say how large curls are, all over the scalp.
+        tree: A tree whose maps say how large curls are.
         curls: How curly the hair is.
         shots: The photographs.
         maps: Orientation maps of all of them.
@@ -115,7 +115,7 @@ def find_locks(
     """Return how the curls of a tree's clusters wind.
 
     Args:
-        tree: A tree whose maps say how large curls are, all over the scalp.
+        tree: A tree whose maps say how large curls are.
         views: The photographs.
         maps: Their orientation maps, of hair, not of locks.
         points: Points of a strand, some 8 for each turn.
@@ -147,27 +147,27 @@ def find_turns(tree: HairTree, points: int, seed: int) -> Turns:
     """Return hair of a tree as what its curls wind about."""
     maps = tree.maps
     assert maps is not None
-    radius = float(np.asarray(maps.curl).max())
     bare = dataclasses.replace(maps, curl=fill(maps.curl, 0.0))
     tree = dataclasses.replace(tree, maps=bare, locks=None)
     hair = sample_hair(tree, STRANDS, points, jax.random.key(seed))
-    radii = jnp.full(len(hair.strands), radius, hair.strands.dtype)
-    helix = helices(hair.strands, radii, curl_pitch(radii))
+    radius = root_attributes(maps, hair.uv).curl.astype(hair.strands.dtype)
+    pitch = curl_pitch(radius)
+    helix = helices(hair.strands, radius, pitch)
     knots = tree.cylinder.skeleton.shape[1]
     share = np.asarray(hair.eta)[:, None] * np.linspace(0.0, 1.0, points)
     knot = np.clip(np.rint(share * (knots - 1)).astype(int), 0, knots - 1)
     middle, tangent, normal, binormal = (
         np.asarray(one).reshape(-1, 3) for one in (hair.strands, *helix.frames)
     )
-    size = np.asarray(helix.size).ravel()
+    size = np.asarray(helix.size)
     return Turns(
         middle,
         tangent,
         normal,
         binormal,
         np.asarray(helix.angle).ravel(),
-        size,
-        2.0 * np.pi / PITCH * size / radius,
+        size.ravel(),
+        (2.0 * np.pi * size / np.asarray(pitch)[:, None]).ravel(),
         (np.asarray(hair.owner)[:, None] * knots + knot).ravel(),
     )
 

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, PRNGKeyArray, ScalarLike, UInt32
 
 from .curve import arc_length
 from .frame import Frames, rotation_minimising_frames
+from .locks import Winding
 from .maps import (
     RootAttributes,
     ScalpMaps,
@@ -168,8 +169,7 @@ def curl_each(
     strands: Float[Array, "strands points 3"],
     radius: Float[Array, " strands"],
     key: PRNGKeyArray | UInt32[Array, " 2"],
-    phase: Float[Array, "strands points"] | None = None,
-    hand: Float[Array, " strands"] | None = None,
+    winding: Winding | None = None,
 ) -> Float[Array, "strands points 3"]:
     """Return strands with curls of single hairs, each at a random phase.
 
@@ -179,21 +179,20 @@ def curl_each(
         strands: Strands, root first.
         radius: Radius of the curls of each, in metres; 0 leaves the strand.
         key: Randomness of the phases.
-        phase: Of each strand's lock at each point, in radians, from which that of the
-            hair deviates by `LOOSE`; None where hairs curl each for itself.
-        hand: 1 for locks that wind to the right, -1 for those to the left; None with
-            `phase`.
+        winding: Of each strand's lock, from whose phase that of the hair deviates by
+            `LOOSE`; None where hairs curl each for itself.
     """
     if not radius.any():
         return strands
     radius = radius.astype(strands.dtype)
     pitch = curl_pitch(radius)
-    if phase is None or hand is None:
+    if winding is None:
         own = jax.random.uniform(key, radius.shape, radius.dtype, 0.0, 2.0 * jnp.pi)
         return curl_strands(strands, radius, pitch, own)
     own = LOOSE * jax.random.normal(key, radius.shape, radius.dtype)
-    phase = phase.astype(strands.dtype) + own[:, None]
-    return wind_strands(strands, radius, pitch, phase, hand.astype(strands.dtype))
+    phase = winding.phase.astype(strands.dtype) + own[:, None]
+    hand = winding.hand.astype(strands.dtype)
+    return wind_strands(strands, radius, pitch, phase, hand)
 
 
 def curl_pitch(radius: Float[Array, " strands"]) -> Float[Array, " strands"]:

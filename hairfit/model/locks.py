@@ -1,6 +1,7 @@
 """Locks: hair of a cluster whose curls wind together."""
 
 import functools
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,19 +22,36 @@ class Locks(eqx.Module):
     hand: Float[Array, " clusters"]
 
 
+class Winding(NamedTuple):
+    """How the lock of each strand winds along it.
+
+    Attributes:
+        phase: Its phase at each point, in radians.
+        hand: Its hand.
+    """
+
+    phase: Float[Array, "strands points"]
+    hand: Float[Array, " strands"]
+
+
 def unknown_locks(knots: int) -> Locks:
     """Return the lock of one cluster of which nothing is known."""
     return Locks(jnp.zeros((1, knots), jnp.float32), jnp.ones(1, jnp.float32))
 
 
+def mirrored(locks: Locks) -> Locks:
+    """Return locks that wind the other way, as in a mirror."""
+    return eqx.tree_at(lambda one: one.hand, locks, -locks.hand)
+
+
 @functools.partial(jax.jit, static_argnames="points")
-def phases_along(
+def wind_along(
     locks: Locks,
     owner: Int[Array, " strands"],
     eta: Float[Array, " strands"],
     points: int,
-) -> Float[Array, "strands points"]:
-    """Return the phase of each strand's lock at each of its points, in radians.
+) -> Winding:
+    """Return how strands wind with the locks of their clusters.
 
     Args:
         locks: The locks of all clusters.
@@ -41,7 +59,9 @@ def phases_along(
         eta: Share of the cluster's length that each strand reaches.
         points: Number of points of each strand.
     """
-    phase = locks.phase[jnp.maximum(owner, 0)].astype(eta.dtype)
+    mine = jnp.maximum(owner, 0)
+    phase = locks.phase[mine].astype(eta.dtype)
     knots = jnp.linspace(0.0, 1.0, phase.shape[1], dtype=eta.dtype)
     t = eta[:, None] * jnp.linspace(0.0, 1.0, points, dtype=eta.dtype)[None]
-    return jax.vmap(jnp.interp, (0, None, 0))(t, knots, phase)
+    phase = jax.vmap(jnp.interp, (0, None, 0))(t, knots, phase)
+    return Winding(phase, locks.hand[mine].astype(eta.dtype))

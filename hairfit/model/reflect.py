@@ -14,7 +14,7 @@ from .contour import ANGLES
 from .curve import EXACT
 from .cylinder import GeneralizedCylinder
 from .edit import Plane, check_cluster
-from .locks import Locks
+from .locks import mirrored
 from .maps import ScalpMaps
 from .scalp import Scalp, scalp_point, scalp_tangents, scalp_uv
 from .tree import HairTree, ScalpContour, descendants, graft, joined
@@ -76,9 +76,7 @@ def mirror(tree: HairTree, plane: Plane = SAGITTAL) -> HairTree:
     maps = tree.maps
     if maps is not None:
         maps = mirror_maps(tree.scalp, maps, reflection(plane))
-    locks = tree.locks
-    if locks is not None:
-        locks = eqx.tree_at(lambda one: one.hand, locks, -locks.hand)
+    locks = None if tree.locks is None else mirrored(tree.locks)
     return dataclasses.replace(
         tree,
         contour=some.contour,
@@ -121,9 +119,9 @@ def mirror_cluster(
     parents = [place.get(tree.parent[i], parent) for i in family.tolist()]
     grown = graft(tree, image.contour, image.cylinder, some[2], parents)
     if tree.locks is not None:
-        phase, hand = tree.locks.phase[family], -tree.locks.hand[family]
-        phase, hand = joined(tree.locks.phase, phase), joined(tree.locks.hand, hand)
-        grown = dataclasses.replace(grown, locks=Locks(phase, hand))
+        copy = mirrored(jax.tree.map(lambda leaf: leaf[family], tree.locks))
+        locks = jax.tree.map(joined, tree.locks, copy)
+        grown = dataclasses.replace(grown, locks=locks)
     wisps = tree.wisps
     if wisps is None:
         return grown

@@ -23,7 +23,7 @@ from .cylinder import (
 )
 from .frame import Frames
 from .fur import curl_each
-from .locks import phases_along
+from .locks import wind_along
 from .maps import keep_roots, root_attributes
 from .ownership import find_owner, local_coordinates
 from .scalp import Scalp, sample_roots, scalp_point
@@ -271,10 +271,9 @@ def sample_hair(
     eta = eta * painted.length.astype(eta.dtype)
     strands = grow_strands(roomy, uv, owner, eta, points)
     locks = tree.locks
-    phase = None if locks is None else phases_along(locks, owner, eta, points)
-    hand = None if locks is None else locks.hand[jnp.maximum(owner, 0)]
+    winding = None if locks is None else wind_along(locks, owner, eta, points)
     curl_key = jax.random.fold_in(eta_key, 1)
-    strands = curl_each(strands, painted.curl, curl_key, phase, hand)
+    strands = curl_each(strands, painted.curl, curl_key, winding)
     return Hair(strands, uv, owner, eta)
 
 

@@ -156,12 +156,9 @@ def take(tree: HairTree, keep: Bool[np.ndarray, " clusters"]) -> HairTree:
     index = np.flatnonzero(keep)
     number = np.where(keep, np.cumsum(keep) - 1, -1)
     parent = np.asarray(tree.parent, int)[index]
+    shape = tree.contour, tree.cylinder, tree.length_variation
     contour, cylinder, variation, *known = jax.tree.map(
-        lambda leaf: rows_of(leaf, index),
-        (
-            *(tree.contour, tree.cylinder, tree.length_variation),
-            *(tree.confidence, tree.locks),
-        ),
+        lambda leaf: rows_of(leaf, index), (*shape, tree.confidence, tree.locks)
     )
     renumbered = tuple(int(number[p]) if p >= 0 else -1 for p in parent)
     wisps = tree.wisps

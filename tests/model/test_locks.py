@@ -7,7 +7,7 @@ import pytest
 
 from hairfit.model import graft, mirror, take
 from hairfit.model.fur import LOOSE, PITCH, curl_each, curl_strands, wind_strands
-from hairfit.model.locks import Locks, phases_along
+from hairfit.model.locks import Locks, Winding, wind_along
 from hairfit.model.reflect import mirror_cluster
 
 RADIUS = 0.005
@@ -62,8 +62,8 @@ def test_hairs_of_a_lock_curl_nearly_together():
     count = 4000
     strands, size = upright(count, 40), jnp.full(count, RADIUS)
     apart = curl_each(strands, size, jax.random.key(0))
-    even = jnp.zeros((count, 40)), jnp.ones(count)
-    together = curl_each(strands, size, jax.random.key(0), *even)
+    even = Winding(jnp.zeros((count, 40)), jnp.ones(count))
+    together = curl_each(strands, size, jax.random.key(0), even)
     for hair, want in ((apart, 0.0), (together, np.exp(-(LOOSE**2) / 2.0))):
         angle = np.arctan2(hair[:, -1, 2], hair[:, -1, 0])
         assert abs(np.abs(np.exp(1j * angle).mean()) - want) < 0.03
@@ -72,11 +72,12 @@ def test_hairs_of_a_lock_curl_nearly_together():
 def test_phases_go_evenly_from_knot_to_knot():
     locks = Locks(jnp.array([[0.0, 1.0, 4.0], [1.0, 1.0, 1.0]]), jnp.array([1.0, -1.0]))
     owner, eta = jnp.array([0, 0, 1, -1]), jnp.array([1.0, 0.5, 0.7, 1.0])
-    got = phases_along(locks, owner, eta, 5)
+    got, hand = wind_along(locks, owner, eta, 5)
     assert jnp.allclose(got[0], jnp.array([0.0, 0.5, 1.0, 2.5, 4.0]))
     assert jnp.allclose(got[1], jnp.array([0.0, 0.25, 0.5, 0.75, 1.0]))
     assert jnp.allclose(got[2], 1.0)
     assert jnp.allclose(got[3], got[0])
+    assert jnp.array_equal(hand, jnp.array([1.0, 1.0, -1.0, 1.0]))
 
 
 @pytest.fixture
