@@ -26,7 +26,7 @@ from .stubble import find_stubble
 
 DEPTH_SCALE = 0.006  # metres behind the hull's surface where a photograph fades
 SURFACE_WEIGHT = 0.1  # of "hair lies in the surface", against one sharp photograph
-GUESS_WEIGHT = 0.005  # of what is likely where hair curls, against one sharp photograph
+GUESS_WEIGHT = 0.015  # of what is likely where hair curls, against one sharp photograph
 SMOOTHING = 0.3  # of the diffusion, against one voxel of full evidence
 TOLERANCE = 2e-3  # relative residual at which the diffusion stops
 MOST_STEPS = 400
