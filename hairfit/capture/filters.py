@@ -100,6 +100,17 @@ def halved(
     return (pairs[:, 0::2] + pairs[:, 1::2]) / 4
 
 
+def square_means(
+    values: Float[np.ndarray, "height width channels"], times: int
+) -> Float32[np.ndarray, "rows columns channels"]:
+    """Return means over squares of so many pixels a side, 0 beyond the border."""
+    spare = [(0, -size % times) for size in values.shape[:2]]
+    values = np.pad(values, [*spare, (0, 0)])
+    rows, columns = (size // times for size in values.shape[:2])
+    squares = values.reshape(rows, times, columns, times, -1)
+    return squares.mean(axis=(1, 3)).astype(np.float32)
+
+
 def gaussian_blur(
     maps: Float32[np.ndarray, "rows columns *channels"], sigma: float
 ) -> Float32[np.ndarray, "rows columns *channels"]:

@@ -50,7 +50,7 @@ SURE = 0.17
 # hair in it becomes three and more times as sure, afros and ringlets twice at most.
 GRAIN, SURER = 4.0, 2.5
 BLIND = 0.08  # and where they then are no surer than this, nothing was hidden
-UNSEEN = 0.0035  # radius of curls that are too fine or too steep to be seen, in metres
+UNSEEN = 0.0035  # radius of curls that are too fine to be seen, in metres
 MOST_VIEWS = 4
 # What the mean direction says of a lock, against the way in which its turns repeat: of
 # steep curls it is that of their fronts.
@@ -96,12 +96,11 @@ def see_curls(
     )
     pitch = find_pitch(list(sums))
 
-    def locks(those: Sequence[int], pitch: float) -> list[OrientationMap]:
-        given = ((views[k].hair, maps[k], pixels[k], pitch) for k in those)
-        return list(abreast(lambda one: lock_directions(*one), given))
-
-    if pitch is not None and swing(some[1], locks(few, pitch)) > LEAST_SWING:
-        return Curls(pitch / PITCH, locks(range(len(views)), pitch), True)
+    if pitch is not None:
+        hair, pitches = [view.hair for view in views], [pitch] * len(views)
+        locks = list(abreast(lock_directions, hair, maps, pixels, pitches))
+        if swing(some[1], [locks[k] for k in few]) > LEAST_SWING:
+            return Curls(pitch / PITCH, locks, True)
     if show_direction(*some):
         return straight
     mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]

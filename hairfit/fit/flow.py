@@ -111,7 +111,7 @@ def hair_field(
 ) -> Field:
     """Return which way hair runs: what photographs tell, or its outline if they do not.
 
-    Where hair curls, half of what they tell is wrong, and that locks hang joins in.
+    Where hair curls, part of what they tell is wrong, and that locks hang joins in.
 
     Args:
         hull: Where hair can be.

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32
 from scipy import ndimage, signal
 
-from ..capture.filters import gaussian_blur
+from ..capture.filters import gaussian_blur, square_means
 from ..capture.orientation import OrientationMap, bounding_box
 
 PIXEL = 0.003  # metres of a pixel to which maps are reduced
@@ -68,22 +68,11 @@ def find_swings(
     says = np.where(hair[box], found.confidence[box] ** TRUST, 0.0)
     twice = 2.0 * found.angle[box]
     each = np.stack([says * np.cos(twice), says * np.sin(twice), says], axis=2)
-    each = reduced(each, times)
+    each = square_means(each, times)
     mean = gaussian_blur(each, MEAN / (times * pixel))
     share = each[..., 2:] / np.maximum(mean[..., 2:], LEAST)
     line = each[..., :2] - share * mean[..., :2]
     return Swings(line, times * pixel, times, box)
-
-
-def reduced(
-    values: Float[np.ndarray, "height width channels"], times: int
-) -> Float32[np.ndarray, "rows columns channels"]:
-    """Return means over squares of so many pixels a side, 0 beyond the border."""
-    spare = [(0, -size % times) for size in values.shape[:2]]
-    values = np.pad(values, [*spare, (0, 0)])
-    rows, columns = (size // times for size in values.shape[:2])
-    squares = values.reshape(rows, times, columns, times, -1)
-    return squares.mean(axis=(1, 3)).astype(np.float32)
 
 
 def correlation(
@@ -134,7 +123,7 @@ def repeating_lines(
         pitch: Length of a turn, in metres.
     """
     swings = find_swings(hair, found, pixel)
-    power = gaussian_blur((swings.line**2).sum(axis=2), AROUND / swings.pixel)
+    power = correlation(swings, 0.0, 0.0)
     lags = [share * pitch for share in TURNS]
     go = np.stack(
         [

@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float
 from scipy import ndimage, sparse
 
 from ..abreast import abreast
+from ..capture.filters import square_means
 from ..evaluate.coverage import WIDTHS, best_width, drawn_pieces, ious_of
 from ..evaluate.visibility import Sight
 from ..model.maps import ScalpMaps
@@ -83,9 +84,7 @@ def covers(points: Float[np.ndarray, "strands knots 3"], sight: Sight) -> Covers
         block = (y // BLOCK) * columns + x // BLOCK
         entries = (part / BLOCK**2, (strand, block))
         hides += sparse.csr_matrix(entries, shape=hides.shape)
-    mask = np.zeros((rows * BLOCK, columns * BLOCK))
-    mask[: view.hair.shape[0], : view.hair.shape[1]] = view.hair
-    share = mask.reshape(rows, BLOCK, columns, BLOCK).mean(axis=(1, 3))
+    share = square_means(view.hair[..., None].astype(np.float32), BLOCK)
     return Covers(hides, share.ravel() >= 0.5)
 
 

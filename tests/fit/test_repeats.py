@@ -10,7 +10,6 @@ from hairfit.fit.repeats import (
     correlation,
     find_pitch,
     find_swings,
-    reduced,
     repeating_lines,
     repeats,
     shifted,
@@ -135,14 +134,6 @@ def test_swings_are_what_is_left_of_the_mean():
     assert np.abs(find_swings(whole(), even, PIXEL).line).max() < 1e-5
     swings = find_swings(whole(), even, PIXEL / 3)
     assert swings.times == 3 and swings.pixel == pytest.approx(PIXEL)
-
-
-def test_pixels_are_reduced_to_their_means():
-    values = np.random.default_rng(0).normal(size=(7, 9, 2))
-    found = reduced(values, 3)
-    assert found.shape == (3, 3, 2)
-    assert np.allclose(found[1, 2], values[3:6, 6:9].mean(axis=(0, 1)), atol=1e-6)
-    assert np.allclose(found[2, 0], values[6:7, :3].sum(axis=(0, 1)) / 9, atol=1e-6)
 
 
 @pytest.mark.parametrize("step", [(0, 0), (2, -3), (-4, 1), (9, 0), (0, -20)])
