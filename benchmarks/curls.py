@@ -1,4 +1,4 @@
-"""How well photographs tell which way the locks of curls run, and how long a turn is.
+"""How well photographs tell which way the locks of curls run, and how large a turn is.
 
 Run `python benchmarks/curls.py CAPTURE ... [--views 00,01,...]`; a capture has a
 `truth.npz` of hair that curls. A true lock is the line about which a strand curls,
@@ -26,7 +26,7 @@ from hairfit.evaluate.curls import (
 )
 from hairfit.evaluate.photographs import line_angle
 from hairfit.evaluate.visibility import SEE_INTO, even_strands, look
-from hairfit.fit.curls import lock_directions, mean_line
+from hairfit.fit.curls import mean_line, see_locks
 from hairfit.fit.hull import carve, pixel_sizes
 from hairfit.fit.pipeline import PRESETS
 from hairfit.fit.repeats import find_pitch, repeats
@@ -44,8 +44,8 @@ def main() -> None:
     parser.add_argument("captures", nargs="+", type=pathlib.Path)
     parser.add_argument("--views", default=",".join(SUBSETS[8] or ()))
     given = parser.parse_args()
-    print("| | pitch, true | hair | mean | locks |")
-    print("| --- | --- | --- | --- | --- |")
+    print("| | pitch, true | radius, true | hair | mean | locks |")
+    print("| --- | --- | --- | --- | --- | --- |")
     for folder in given.captures:
         print(f"| {folder.name} | {row(folder, given.views)} |", flush=True)
 
@@ -65,9 +65,13 @@ def row(folder: pathlib.Path, names: str) -> str:
     truth = load_strands(folder / "truth.npz")
     curls = find_curls(truth)
     true = median_of(curls.pitch, curls.curled)
+    size = median_of(curls.radius, curls.curled)
     start = f"{text_of(pitch)}, {text_of(true)}"
     if pitch is None:
-        return f"{start} | – | – | –"
+        return f"{start} | {text_of(None)}, {text_of(size)} | – | – | –"
+    locks = see_locks(masks, maps, pixels, pitch)
+    radius = pitch * locks.slope / (2.0 * np.pi)
+    start += f" | {text_of(radius)}, {text_of(size)}"
     strands = even_strands(truth)
     hair = resample_paths(strands[curls.curled], SAMPLES)
     rows = np.asarray(hair - hair[:, :1], np.float32)
@@ -79,7 +83,8 @@ def row(folder: pathlib.Path, names: str) -> str:
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
     points = hair[whole]
     errors: list[list[Float[np.ndarray, " points"]]] = [[], [], []]
-    for sight, found, pixel in zip(sights, maps, pixels, strict=True):
+    all_ = zip(sights, maps, locks.maps, pixels, strict=True)
+    for sight, found, lock, pixel in all_:
         camera, mask = sight.view.camera, sight.view.hair
         front = rasterise(strands, camera, mesh_depth=sight.behind).depth
         seen = visible_points(points, camera, front, sight.behind, SEE_INTO)
@@ -89,8 +94,7 @@ def row(folder: pathlib.Path, names: str) -> str:
         at, column, inside = cells(here, camera.width, camera.height)
         inside &= mask[at, column]
         mean = mean_line(mask, found, pixel)
-        locks = lock_directions(mask, found, pixel, pitch).angle
-        told = found.angle, 0.5 * np.arctan2(mean[..., 1], mean[..., 0]), locks
+        told = found.angle, 0.5 * np.arctan2(mean[..., 1], mean[..., 0]), lock.angle
         for kept, angle in zip(errors, told, strict=True):
             gap = line_angle(angle[at, column], np.arctan2(y, x))
             kept.append(np.degrees(gap[inside]))

@@ -10,8 +10,8 @@ of any direction, nor are those of smoother photographs, which show what noise h
 Such hair is taken to curl at no known pitch; its maps then say nothing of its locks.
 All other hair is taken as it looks.
 
-Their slope is not recovered; a pitch gives the radius as it does for the curls of
-single hairs, see `fur`. How they wind is found last, see `locks`.
+By how far hair crosses its locks one knows how steep its turns are, see `slopes`, and
+so their radius. How they wind is found last, see `locks`.
 """
 
 import dataclasses
@@ -30,11 +30,12 @@ from ..capture.orientation import (
     OrientationMap,
     estimate_orientation,
 )
-from ..model.fur import PITCH
+from ..model.locks import PITCH
 from ..model.tree import HairTree, leaves
 from ..types import along_paths
 from .hull import Hull, pixel_sizes
 from .repeats import find_pitch, repeating_lines, repeats
+from .slopes import cross_locks, mean_cosine, slope_of
 
 # Standard deviation of the Gaussian over which angles are averaged, in metres: half of
 # a turn of the curls that can be seen.
@@ -52,9 +53,12 @@ GRAIN, SURER = 4.0, 2.5
 BLIND = 0.08  # and where they then are no surer than this, nothing was hidden
 UNSEEN = 0.0035  # radius of curls that are too fine to be seen, in metres
 MOST_VIEWS = 4
-# What the mean direction says of a lock, against the way in which its turns repeat: of
-# steep curls it is that of their fronts.
-MEAN_COUNTS = 0.2
+# What the mean direction says of a lock, against the way in which turns repeat: this
+# times the mean cosine of twice the angle between hair and locks, at least the second.
+MEAN_COUNTS, LEAST_MEAN = 4.0, 0.1
+# And against that way in how far both disagree: curls swing about their mean, which
+# says nothing against it.
+DOUBT_COUNTS = 0.2
 # Points that a turn needs, and most of a strand.
 TURN_POINTS = 8
 MOST_POINTS = 160
@@ -65,13 +69,27 @@ class Curls(NamedTuple):
 
     Attributes:
         radius: Of its curls in metres, 0 for what does not curl.
+        pitch: Length of a turn in metres, 0 for what does not curl.
         maps: Orientation maps of its locks.
         told: Whether they tell which way it runs; if not, they say nothing.
     """
 
     radius: float
+    pitch: float
     maps: list[OrientationMap]
     told: bool
+
+
+class Locks(NamedTuple):
+    """The locks of curls in photographs.
+
+    Attributes:
+        maps: Orientation maps of them, one for each photograph.
+        slope: Metres that hair goes across them for each metre along.
+    """
+
+    maps: list[OrientationMap]
+    slope: float
 
 
 def see_curls(
@@ -86,7 +104,7 @@ def see_curls(
         views: The photographs.
         maps: Their orientation maps.
     """
-    straight = Curls(0.0, list(maps), True)
+    straight = Curls(0.0, 0.0, list(maps), True)
     pixels = pixel_sizes(hull, views)
     few = range(0, len(views), -(-len(views) // MOST_VIEWS))
     some = [views[k] for k in few], [maps[k] for k in few]
@@ -97,14 +115,34 @@ def see_curls(
     pitch = find_pitch(list(sums))
 
     if pitch is not None:
-        hair, pitches = [view.hair for view in views], [pitch] * len(views)
-        locks = list(abreast(lock_directions, hair, maps, pixels, pitches))
-        if swing(some[1], [locks[k] for k in few]) > LEAST_SWING:
-            return Curls(pitch / PITCH, locks, True)
+        locks = see_locks([view.hair for view in views], maps, pixels, pitch)
+        if swing(some[1], [locks.maps[k] for k in few]) > LEAST_SWING:
+            radius = pitch * locks.slope / (2.0 * math.pi)
+            return Curls(radius, pitch, locks.maps, True)
     if show_direction(*some):
         return straight
     mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
-    return Curls(UNSEEN, mute, False)
+    return Curls(UNSEEN, PITCH * UNSEEN, mute, False)
+
+
+def see_locks(
+    hair: Sequence[Bool[np.ndarray, "height width"]],
+    maps: Sequence[OrientationMap],
+    pixels: Sequence[float],
+    pitch: float,
+) -> Locks:
+    """Return the locks of hair whose curls repeat.
+
+    Args:
+        hair: Which pixels of each photograph are hair.
+        maps: The orientation maps.
+        pixels: Widths of a pixel, in metres.
+        pitch: Length of a turn, in metres.
+    """
+    again = list(abreast(repeating_lines, hair, maps, pixels, [pitch] * len(hair)))
+    crossing = np.sum(list(abreast(cross_locks, hair, maps, again)), axis=0)
+    given = hair, maps, pixels, again, [mean_cosine(crossing)] * len(hair)
+    return Locks(list(abreast(lock_directions, *given)), slope_of(crossing))
 
 
 def swing(maps: Sequence[OrientationMap], locks: Sequence[OrientationMap]) -> float:
@@ -145,26 +183,30 @@ def lock_directions(
     hair: Bool[np.ndarray, "height width"],
     found: OrientationMap,
     pixel: float,
-    pitch: float,
+    again: Float[np.ndarray, "height width 2"],
+    cosine: float,
 ) -> OrientationMap:
     """Return the map of the locks' directions: what curls swing about.
 
     The way in which turns repeat counts by how far it is the only one, and the mean
-    direction a little. How far all disagree is the error to expect.
+    direction the more the less hair runs across its locks: of steep curls it is that of
+    their fronts. How far all disagree is the error to expect.
 
     Args:
         hair: Which pixels are hair.
         found: The orientation map.
         pixel: Width of a pixel, in metres.
-        pitch: Length of a turn, in metres.
+        again: Along which way turns repeat, see `repeating_lines`.
+        cosine: Of twice the angle between hair and its locks, in the mean.
     """
     mean = mean_line(hair, found, pixel)
-    again = repeating_lines(hair, found, pixel, pitch)
-    total = MEAN_COUNTS + np.hypot(again[..., :1], again[..., 1:])
-    # Where all ways are alike, the mean says all there is.
-    line = (MEAN_COUNTS * mean + again) / total
+    counts = max(MEAN_COUNTS * cosine, LEAST_MEAN)
+    line = counts * mean + again
     angle = np.mod(np.arctan2(line[..., 1], line[..., 0]) / 2.0, np.pi)
-    agree = np.hypot(line[..., 0], line[..., 1])
+    # Where all ways are alike, the mean says all there is.
+    line = DOUBT_COUNTS * mean + again
+    length = np.hypot(again[..., 0], again[..., 1])
+    agree = np.hypot(line[..., 0], line[..., 1]) / (DOUBT_COUNTS + length)
     spread = np.sqrt(-2.0 * np.log(np.clip(agree, 1e-3, 1.0))) / 2.0
     sigma = np.where(hair, np.minimum(spread, SIGMA_BLIND), SIGMA_BLIND)
     return OrientationMap(
@@ -196,18 +238,18 @@ def mean_line(
     return np.stack([cosine, sine], axis=2) / np.maximum(count, 1e-6)[..., None]
 
 
-def points_for(tree: HairTree, radius: float, least: int) -> int:
-    """Return how many points strands need so that curls of a radius are round.
+def points_for(tree: HairTree, pitch: float, least: int) -> int:
+    """Return how many points strands need so that curls of a pitch are round.
 
     Args:
         tree: The tree that strands come from.
-        radius: Of their curls, in metres; 0 where they do not curl.
+        pitch: Length of a turn, in metres; 0 where they do not curl.
         least: What straight strands need. As many or a multiple come back, of which
             there are few, as each is compiled.
     """
-    if radius <= 0.0:
+    if pitch <= 0.0:
         return least
     skeleton = np.asarray(tree.cylinder.skeleton, np.float64)[leaves(tree)]
-    turns = np.quantile(along_paths(skeleton)[:, -1], 0.9) / (PITCH * radius)
+    turns = np.quantile(along_paths(skeleton)[:, -1], 0.9) / pitch
     times = math.ceil(TURN_POINTS * turns / least)
     return least * max(1, min(times, MOST_POINTS // least))

@@ -101,7 +101,8 @@ def with_locks(
     if curls.radius == 0.0 or not curls.told:
         return tree
     used = [maps[k] for k in shots.used]
-    locks = find_locks(tree, shots.views, used, points, seed)
+    pitch = curls.pitch / curls.radius
+    locks = find_locks(tree, shots.views, used, pitch, points, seed)
     return dataclasses.replace(tree, locks=locks)
 
 
@@ -109,6 +110,7 @@ def find_locks(
     tree: HairTree,
     views: Sequence[View],
     maps: Sequence[OrientationMap],
+    pitch: float,
     points: int,
     seed: int,
 ) -> Locks:
@@ -118,6 +120,7 @@ def find_locks(
         tree: A tree whose maps say how large curls are.
         views: The photographs.
         maps: Their orientation maps, of hair, not of locks.
+        pitch: Length of a turn, in radii.
         points: Points of a strand, some 8 for each turn.
         seed: Of what photographs do not tell.
     """
@@ -125,7 +128,7 @@ def find_locks(
     rng = np.random.default_rng(seed)
     phase = np.tile(rng.uniform(0.0, 2.0 * np.pi, (tree.count, 1)), (1, knots))
     hand = rng.choice(HANDS, tree.count)
-    turns = find_turns(tree, points, seed)
+    turns = find_turns(tree, pitch, points, seed)
     each = abreast(
         partial(ask_view, turns, (tree.count, knots)),
         [view.camera for view in views],
@@ -140,10 +143,11 @@ def find_locks(
         steps = np.stack([path.phase for path in paths])[best, np.arange(len(seen))]
         phase[seen] = np.unwrap(2.0 * np.pi / PHASES * steps, axis=1)
         hand[seen] = np.asarray(HANDS)[best]
-    return Locks(on_device(phase, jnp.float32), on_device(hand, jnp.float32))
+    found = phase, hand, np.full(tree.count, pitch)
+    return Locks(*(on_device(one, jnp.float32) for one in found))
 
 
-def find_turns(tree: HairTree, points: int, seed: int) -> Turns:
+def find_turns(tree: HairTree, per_radius: float, points: int, seed: int) -> Turns:
     """Return hair of a tree as what its curls wind about."""
     maps = tree.maps
     assert maps is not None
@@ -151,7 +155,7 @@ def find_turns(tree: HairTree, points: int, seed: int) -> Turns:
     tree = dataclasses.replace(tree, maps=bare, locks=None)
     hair = sample_hair(tree, STRANDS, points, jax.random.key(seed))
     radius = root_attributes(maps, hair.uv).curl.astype(hair.strands.dtype)
-    pitch = curl_pitch(radius)
+    pitch = curl_pitch(radius, per_radius)
     helix = helices(hair.strands, radius, pitch)
     knots = tree.cylinder.skeleton.shape[1]
     share = np.asarray(hair.eta)[:, None] * np.linspace(0.0, 1.0, points)

@@ -234,7 +234,7 @@ def fit_capture(
         progress("drawing strands", 0.87)
         # As many strands as will be drawn, whose program is there already.
         key, spared = jax.random.key(config.seed), with_spare(config.strands)
-        points = points_for(tree, first.curls.radius, STRAND_POINTS)
+        points = points_for(tree, first.curls.pitch, STRAND_POINTS)
         # Turns of curls may stand out of the hull: their middle lines end in it.
         skin = single(even_maps(TEXELS, TEXELS))
         tree = dataclasses.replace(tree, maps=skin)
@@ -265,6 +265,7 @@ def fit_capture(
         "cylinder_error_mm": 1e3 * first.error,
         "direction_seen": first.curls.told,
         "curl_radius_mm": 1e3 * first.curls.radius,
+        "curl_pitch_mm": 1e3 * first.curls.pitch,
         "median_length_mm": 1e3 * float(np.median(strand_lengths(hair.strands))),
     }
     return FitResult(

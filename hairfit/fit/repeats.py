@@ -32,7 +32,7 @@ LAGS = (
 )  # lengths of a turn that are tried, in metres; 0 tells all
 NEAR = 0.016  # metres; nearer than this all goes together, and tells no way
 # How far the correlation rises to the peak of a turn, and falls after it.
-PROMINENT = 0.15
+PROMINENT = 0.1
 LEAST = 1e-3  # of a mean's weight, below which it says nothing
 
 

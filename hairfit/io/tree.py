@@ -79,6 +79,7 @@ CONFIDENCE: dict[str, Entry] = {
 LOCKS: dict[str, Entry] = {
     "locks/phase": Entry(("clusters", "knots"), 2.0**-6, 1),
     "locks/hand": Entry(("clusters",), 1.0),
+    "locks/pitch": Entry(("clusters",), 2.0**-7),
 }
 COUNTS = {"wisps": ("wisps",), "maps": ("rows", "columns")}
 

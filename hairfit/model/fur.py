@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, PRNGKeyArray, ScalarLike, UInt32
 
 from .curve import arc_length
 from .frame import Frames, rotation_minimising_frames
-from .locks import Winding
+from .locks import PITCH, Winding
 from .maps import (
     RootAttributes,
     ScalpMaps,
@@ -20,8 +20,6 @@ from .maps import (
 from .scalp import Scalp, scalp_normal, scalp_point, scalp_tangents
 from .vector import norm, perpendicular, unit
 
-# How far curls run along the hair for a whole turn, for each metre of their radius.
-PITCH = 6.0
 # The shortest turn, in metres: finer curls are no more seen than drawn.
 LEAST_PITCH = 0.002
 # Standard deviation of the phases of hairs about that of their lock, in radians.
@@ -185,23 +183,31 @@ def curl_each(
     if not radius.any():
         return strands
     radius = radius.astype(strands.dtype)
-    pitch = curl_pitch(radius)
     if winding is None:
+        pitch = curl_pitch(radius)
         own = jax.random.uniform(key, radius.shape, radius.dtype, 0.0, 2.0 * jnp.pi)
         return curl_strands(strands, radius, pitch, own)
     own = LOOSE * jax.random.normal(key, radius.shape, radius.dtype)
     phase = winding.phase.astype(strands.dtype) + own[:, None]
     hand = winding.hand.astype(strands.dtype)
+    pitch = curl_pitch(radius, winding.pitch.astype(strands.dtype))
     return wind_strands(strands, radius, pitch, phase, hand)
 
 
-def curl_pitch(radius: Float[Array, " strands"]) -> Float[Array, " strands"]:
+def curl_pitch(
+    radius: Float[Array, " strands"],
+    per_radius: Float[Array, " strands"] | float = PITCH,
+) -> Float[Array, " strands"]:
     """Return how far hair of some curl runs in a turn, in metres.
 
-    A hair keeps its slope whatever its curls' radius: about 45 degrees, as a helix has
-    whose pitch is 2 pi radii.
+    A hair keeps its slope whatever its curls' radius.
+
+    Args:
+        radius: Radius of the curls of each hair, in metres.
+        per_radius: Length of a turn in radii. That of a helix of 45 degrees is 2 pi,
+            about which hair is that curls by itself.
     """
-    return jnp.maximum(PITCH * radius, LEAST_PITCH)
+    return jnp.maximum(per_radius * radius, LEAST_PITCH)
 
 
 @jax.jit

@@ -8,6 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+# How far curls run along the hair for a whole turn, for each metre of their radius.
+PITCH = 6.0
+
 
 class Locks(eqx.Module):
     """How the curls of each cluster's hair wind, beside what their radius says.
@@ -16,10 +19,12 @@ class Locks(eqx.Module):
         phase: Where about its hair the helix stands at each knot of a cluster, beside
             the turns that it has made, in radians: even it is a plain helix.
         hand: 1 for curls that wind to the right, -1 for those that wind to the left.
+        pitch: Length of a turn, in radii; `PITCH` where hairs curl for themselves.
     """
 
     phase: Float[Array, "clusters knots"]
     hand: Float[Array, " clusters"]
+    pitch: Float[Array, " clusters"]
 
 
 class Winding(NamedTuple):
@@ -28,15 +33,18 @@ class Winding(NamedTuple):
     Attributes:
         phase: Its phase at each point, in radians.
         hand: Its hand.
+        pitch: Length of its turns, in radii.
     """
 
     phase: Float[Array, "strands points"]
     hand: Float[Array, " strands"]
+    pitch: Float[Array, " strands"]
 
 
 def unknown_locks(knots: int) -> Locks:
     """Return the lock of one cluster of which nothing is known."""
-    return Locks(jnp.zeros((1, knots), jnp.float32), jnp.ones(1, jnp.float32))
+    one = jnp.ones(1, jnp.float32)
+    return Locks(jnp.zeros((1, knots), jnp.float32), one, PITCH * one)
 
 
 def mirrored(locks: Locks) -> Locks:
@@ -64,4 +72,5 @@ def wind_along(
     knots = jnp.linspace(0.0, 1.0, phase.shape[1], dtype=eta.dtype)
     t = eta[:, None] * jnp.linspace(0.0, 1.0, points, dtype=eta.dtype)[None]
     phase = jax.vmap(jnp.interp, (0, None, 0))(t, knots, phase)
-    return Winding(phase, locks.hand[mine].astype(eta.dtype))
+    hand, pitch = (all_[mine].astype(eta.dtype) for all_ in (locks.hand, locks.pitch))
+    return Winding(phase, hand, pitch)

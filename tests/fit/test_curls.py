@@ -7,16 +7,19 @@ from ball_hair import camera_at, hull_where, photograph, view_of
 
 from hairfit.capture import load_capture
 from hairfit.capture.orientation import OrientationMap, estimate_orientation
+from hairfit.evaluate.curls import find_curls, median_of
 from hairfit.fit.curls import (
     SURE,
     UNSEEN,
-    lock_directions,
     mean_confidence,
     points_for,
     see_curls,
+    see_locks,
 )
 from hairfit.fit.hull import pixel_sizes
-from hairfit.model.fur import PITCH, curl_strands
+from hairfit.io.strands import load_strands
+from hairfit.model.fur import curl_strands
+from hairfit.model.locks import PITCH
 from hairfit.model.tree import leaves
 from hairfit.synthetic.gallery import make_gallery_tree, make_subject
 from hairfit.synthetic.head import make_head, make_scalp
@@ -55,10 +58,15 @@ def radius_of(views, maps, hull=HULL):
     return see_curls(hull, views, maps).radius
 
 
-@pytest.mark.parametrize("radius", [0.0035, 0.005, 0.006])
-def test_the_radius_of_curls_is_found(radius):
-    found = radius_of(*seen(curtain(radius, PITCH * radius)))
-    assert found == pytest.approx(radius, rel=0.1)
+@pytest.mark.parametrize(
+    ("radius", "pitch"),
+    [(0.0035, 0.021), (0.005, 0.03), (0.006, 0.036), (0.004, 0.034), (0.006, 0.022)],
+)
+def test_the_radius_and_pitch_of_curls_are_found(radius, pitch):
+    views, maps = seen(curtain(radius, pitch))
+    found = see_curls(HULL, views, maps)
+    assert found.radius == pytest.approx(radius, rel=0.1)
+    assert found.pitch == pytest.approx(pitch, rel=0.05)
 
 
 def test_hair_that_does_not_curl_has_no_radius():
@@ -86,12 +94,13 @@ def test_where_nothing_shows_hair_curls_at_no_known_pitch():
     blind = OrientationMap(zero, zero, zero)
     found = see_curls(HULL, [view_of(FRONT, hair)], [blind])
     assert found.radius == UNSEEN and not found.told
+    assert found.pitch == PITCH * UNSEEN
 
 
 def test_locks_run_down_where_their_curls_do_not():
     views, maps = seen(curtain(0.005, 0.03))
-    lock = lock_directions(views[0].hair, maps[0], PIXEL, 0.03)
     hair = views[0].hair
+    lock = see_locks([hair], maps, [PIXEL], 0.03).maps[0]
 
     def away(found):
         """Return how far from upright lines are."""
@@ -107,8 +116,8 @@ def test_locks_run_down_where_their_curls_do_not():
 
 def test_straight_hair_is_its_own_lock():
     views, maps = seen(curtain())
-    lock = lock_directions(views[0].hair, maps[0], PIXEL, 0.03)
     hair = views[0].hair
+    lock = see_locks([hair], maps, [PIXEL], 0.03).maps[0]
     turn = np.sin(lock.angle - maps[0].angle)[hair]
     assert np.percentile(np.abs(turn), 95) < np.radians(3)
     assert np.median(lock.confidence[hair]) > 0.99
@@ -123,11 +132,11 @@ def test_strands_get_points_for_every_turn():
     tree = make_style("straight", 0, make_scalp(make_head()))
     length = along_paths(np.asarray(tree.cylinder.skeleton)[leaves(tree)])[:, -1]
     assert points_for(tree, 0.0, 40) == 40
-    points = points_for(tree, 0.005, 40)
+    points = points_for(tree, 0.03, 40)
     assert points % 40 == 0
-    assert points >= 8 * np.median(length) / (PITCH * 0.005) > points - 60
-    assert points_for(tree, 0.05, 40) == 40
-    assert points_for(tree, 1e-4, 40) == 160
+    assert points >= 8 * np.median(length) / 0.03 > points - 60
+    assert points_for(tree, 0.3, 40) == 40
+    assert points_for(tree, 6e-4, 40) == 160
 
 
 @pytest.mark.slow
@@ -141,8 +150,10 @@ def test_curls_of_drawn_photographs_are_found(tmp_path):
     hull = hull_where(
         lambda p: np.linalg.norm(p, axis=1) < 0.1, [-0.1] * 3, [0.1] * 3, 0.01
     )
-    # Drawn with a turn in 33 mm.
-    assert radius_of(views, maps, hull) == pytest.approx(0.033 / PITCH, rel=0.1)
+    found = see_curls(hull, views, maps)
+    true = find_curls(load_strands(tmp_path / "curly" / "truth.npz"))
+    assert found.pitch == pytest.approx(median_of(true.pitch, true.curled), rel=0.1)
+    assert found.radius == pytest.approx(median_of(true.radius, true.curled), rel=0.1)
 
 
 def photographed(grey):

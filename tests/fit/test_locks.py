@@ -11,7 +11,7 @@ from hairfit.fit.curls import Curls
 from hairfit.fit.locks import PHASES, best_paths, find_locks, with_locks
 from hairfit.fit.shots import Shots, Trusted
 from hairfit.model import even_maps, leaves, take
-from hairfit.model.locks import Locks
+from hairfit.model.locks import PITCH, Locks
 from hairfit.model.strand import sample_hair
 from hairfit.synthetic import make_head, make_scalp, make_style
 
@@ -31,7 +31,8 @@ def locked():
     drift = rng.uniform(-1.0, 1.0, (tree.count, 1)) * np.linspace(0.0, 1.0, knots)
     phase = rng.uniform(0.0, 2.0 * np.pi, (tree.count, 1)) + drift
     hand = rng.choice([-1.0, 1.0], tree.count)
-    locks = Locks(jnp.asarray(phase, jnp.float32), jnp.asarray(hand, jnp.float32))
+    pitch = np.full(tree.count, PITCH)
+    locks = Locks(*(jnp.asarray(one, jnp.float32) for one in (phase, hand, pitch)))
     maps = even_maps(4, 4, curl=CURL)
     return dataclasses.replace(tree, maps=maps, locks=locks)
 
@@ -44,7 +45,7 @@ def photographs(tree):
 def test_locks_that_photographs_see_get_their_hand_and_phase_back(locked):
     views, maps, _ = photographs(locked)
     bare = dataclasses.replace(locked, locks=None)
-    found = find_locks(bare, views, maps, POINTS, seed=1)
+    found = find_locks(bare, views, maps, PITCH, POINTS, seed=1)
     true = locked.locks
     assert true is not None
     seen = leaves(locked)
@@ -52,13 +53,14 @@ def test_locks_that_photographs_see_get_their_hand_and_phase_back(locked):
     assert right.mean() > 0.9
     off = np.asarray(found.phase - true.phase)[seen][right]
     assert np.cos(off).mean() > 0.4  # 0 at random, 0.6 here
-    assert np.array_equal(found.phase, find_locks(bare, views, maps, POINTS, 1).phase)
+    again = find_locks(bare, views, maps, PITCH, POINTS, seed=1)
+    assert np.array_equal(found.phase, again.phase)
 
 
 def test_locks_that_no_photograph_sees_wind_at_random(locked):
     views, maps, _ = photographs(locked)
     blind = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
-    found = find_locks(locked, views, blind, POINTS, seed=0)
+    found = find_locks(locked, views, blind, PITCH, POINTS, seed=0)
     assert 0.4 < np.mean(np.asarray(found.hand) > 0.0) < 0.6
     phase = np.asarray(found.phase)
     assert np.array_equal(phase, np.tile(phase[:, :1], phase.shape[1]))
@@ -70,7 +72,10 @@ def test_hair_whose_curls_are_not_seen_stays_as_it_is(locked, curls):
     radius, told = curls
     shots = Shots([], [], [], cast(Trusted, None), ())  # none is asked
     tree = dataclasses.replace(locked, locks=None)
-    assert with_locks(tree, Curls(radius, [], told), shots, [], POINTS, 0) is tree
+    assert (
+        with_locks(tree, Curls(radius, PITCH * radius, [], told), shots, [], POINTS, 0)
+        is tree
+    )
 
 
 def test_the_best_path_is_that_of_all_paths():

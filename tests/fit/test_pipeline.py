@@ -140,10 +140,11 @@ def test_strands_of_curly_hair_curl(fitted, capture, monkeypatch):
     monkeypatch.setattr(
         pipeline,
         "see_curls",
-        lambda _, views, maps, *__: Curls(0.004, mute(maps), False),
+        lambda _, views, maps, *__: Curls(0.004, 0.024, mute(maps), False),
     )
     result = fit_capture(capture, CONFIG)
     assert result.figures["curl_radius_mm"] == 4.0
+    assert result.figures["curl_pitch_mm"] == 24.0
     assert not result.figures["direction_seen"]
     maps = result.tree.maps
     assert maps is not None and np.allclose(maps.curl, 0.004, atol=1e-5)

@@ -70,7 +70,7 @@ def with_details(tree, seed=0):
     wisps = Wisps(some(7, 2), owner, 0.01 * some(7, knots, 3))
     sure = TreeConfidence(some(tree.count), some(tree.count), some(tree.count))
     hand = jnp.asarray(rng.choice([-1.0, 1.0], tree.count).astype(np.float32))
-    locks = Locks(6.0 * some(tree.count, knots), hand)
+    locks = Locks(6.0 * some(tree.count, knots), hand, 9.0 * some(tree.count))
     given = {"wisps": wisps, "maps": maps, "confidence": sure, "locks": locks}
     return dataclasses.replace(tree, **given)
 

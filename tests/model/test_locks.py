@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hairfit.model import graft, mirror, take
-from hairfit.model.fur import LOOSE, PITCH, curl_each, curl_strands, wind_strands
-from hairfit.model.locks import Locks, Winding, wind_along
+from hairfit.model.fur import LOOSE, curl_each, curl_strands, wind_strands
+from hairfit.model.locks import PITCH, Locks, Winding, wind_along
 from hairfit.model.reflect import mirror_cluster
 
 RADIUS = 0.005
@@ -62,22 +62,36 @@ def test_hairs_of_a_lock_curl_nearly_together():
     count = 4000
     strands, size = upright(count, 40), jnp.full(count, RADIUS)
     apart = curl_each(strands, size, jax.random.key(0))
-    even = Winding(jnp.zeros((count, 40)), jnp.ones(count))
+    even = Winding(jnp.zeros((count, 40)), jnp.ones(count), jnp.full(count, PITCH))
     together = curl_each(strands, size, jax.random.key(0), even)
     for hair, want in ((apart, 0.0), (together, np.exp(-(LOOSE**2) / 2.0))):
         angle = np.arctan2(hair[:, -1, 2], hair[:, -1, 0])
         assert abs(np.abs(np.exp(1j * angle).mean()) - want) < 0.03
 
 
+@pytest.mark.parametrize("times", [3.0, 6.0, 8.0])
+def test_locks_say_how_long_a_turn_is(times):
+    count, points = 5, 400
+    strands, size = upright(count, points), jnp.full(count, RADIUS)
+    one = Winding(jnp.zeros((count, points)), jnp.ones(count), jnp.full(count, times))
+    hair = np.asarray(curl_each(strands, size, jax.random.key(0), one) - strands)
+    angle = np.unwrap(np.arctan2(hair[..., 2], hair[..., 0]), axis=1)[:, points // 2 :]
+    along = np.asarray(strands)[:, points // 2 :, 1]
+    turns = np.abs(angle[:, -1] - angle[:, 0]) / (2.0 * np.pi)
+    assert np.allclose((along[:, -1] - along[:, 0]) / turns, times * RADIUS, rtol=1e-6)
+
+
 def test_phases_go_evenly_from_knot_to_knot():
-    locks = Locks(jnp.array([[0.0, 1.0, 4.0], [1.0, 1.0, 1.0]]), jnp.array([1.0, -1.0]))
+    phase = jnp.array([[0.0, 1.0, 4.0], [1.0, 1.0, 1.0]])
+    locks = Locks(phase, jnp.array([1.0, -1.0]), jnp.array([4.0, 5.0]))
     owner, eta = jnp.array([0, 0, 1, -1]), jnp.array([1.0, 0.5, 0.7, 1.0])
-    got, hand = wind_along(locks, owner, eta, 5)
+    got, hand, pitch = wind_along(locks, owner, eta, 5)
     assert jnp.allclose(got[0], jnp.array([0.0, 0.5, 1.0, 2.5, 4.0]))
     assert jnp.allclose(got[1], jnp.array([0.0, 0.25, 0.5, 0.75, 1.0]))
     assert jnp.allclose(got[2], 1.0)
     assert jnp.allclose(got[3], got[0])
     assert jnp.array_equal(hand, jnp.array([1.0, 1.0, -1.0, 1.0]))
+    assert jnp.array_equal(pitch, jnp.array([4.0, 4.0, 5.0, 4.0]))
 
 
 @pytest.fixture
@@ -85,7 +99,8 @@ def locked(dome, make_tree):
     circles = [(0.3, 0.5, 0.1), (0.7, 0.5, 0.1), (0.3, 0.5, 0.05)]
     tree = make_tree(dome, circles, (-1, -1, 0), knots=5, seed=0)
     phase = jnp.arange(15.0).reshape(3, 5)
-    return dataclasses.replace(tree, locks=Locks(phase, jnp.array([1.0, -1.0, 1.0])))
+    locks = Locks(phase, jnp.array([1.0, -1.0, 1.0]), jnp.array([3.0, 4.0, 5.0]))
+    return dataclasses.replace(tree, locks=locks)
 
 
 def test_clusters_that_are_added_wind_as_what_they_belong_to(locked):
@@ -96,6 +111,7 @@ def test_clusters_that_are_added_wind_as_what_they_belong_to(locked):
     assert jnp.array_equal(grown.hand, jnp.array([1.0, -1.0, 1.0, -1.0, 1.0]))
     assert jnp.array_equal(grown.phase[3], locks_of(locked).phase[1])
     assert jnp.array_equal(grown.phase[4], jnp.zeros(5))
+    assert jnp.array_equal(grown.pitch, jnp.array([3.0, 4.0, 5.0, 4.0, PITCH]))
 
 
 def test_clusters_that_stay_keep_their_locks(locked):
