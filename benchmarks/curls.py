@@ -15,7 +15,7 @@ from accuracy_run import SUBSETS
 from jaxtyping import Float
 
 from hairfit.capture import load_capture
-from hairfit.capture.orientation import estimate_orientation
+from hairfit.capture.orientation import angle_of_line, estimate_orientation
 from hairfit.evaluate.curls import (
     LEAST_PERIODS,
     SAMPLES,
@@ -70,8 +70,7 @@ def row(folder: pathlib.Path, names: str) -> str:
     if pitch is None:
         return f"{start} | {text_of(None)}, {text_of(size)} | – | – | –"
     locks = see_locks(masks, maps, pixels, pitch)
-    radius = pitch * locks.slope / (2.0 * np.pi)
-    start += f" | {text_of(radius)}, {text_of(size)}"
+    start += f" | {text_of(locks.radius)}, {text_of(size)}"
     strands = even_strands(truth)
     hair = resample_paths(strands[curls.curled], SAMPLES)
     rows = np.asarray(hair - hair[:, :1], np.float32)
@@ -83,8 +82,8 @@ def row(folder: pathlib.Path, names: str) -> str:
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
     points = hair[whole]
     errors: list[list[Float[np.ndarray, " points"]]] = [[], [], []]
-    all_ = zip(sights, maps, locks.maps, pixels, strict=True)
-    for sight, found, lock, pixel in all_:
+    photographs = zip(sights, maps, locks.maps, pixels, strict=True)
+    for sight, found, lock, pixel in photographs:
         camera, mask = sight.view.camera, sight.view.hair
         front = rasterise(strands, camera, mesh_depth=sight.behind).depth
         seen = visible_points(points, camera, front, sight.behind, SEE_INTO)
@@ -94,7 +93,7 @@ def row(folder: pathlib.Path, names: str) -> str:
         at, column, inside = cells(here, camera.width, camera.height)
         inside &= mask[at, column]
         mean = mean_line(mask, found, pixel)
-        told = found.angle, 0.5 * np.arctan2(mean[..., 1], mean[..., 0]), lock.angle
+        told = found.angle, angle_of_line(mean[..., 0], mean[..., 1]), lock.angle
         for kept, angle in zip(errors, told, strict=True):
             gap = line_angle(angle[at, column], np.arctan2(y, x))
             kept.append(np.degrees(gap[inside]))

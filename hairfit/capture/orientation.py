@@ -95,10 +95,7 @@ def estimate_orientation(
     votes = mean_votes(flatten(image[box], inside, config), config)
     votes = votes[: inside.shape[0], : inside.shape[1]]
     cosine, sine, bend = np.moveaxis(votes, 2, 0)
-    turn = np.arctan2(sine, cosine) / 2
-    turn = np.where(turn < 0, turn + np.float32(np.pi), turn)
-    # A tiny negative angle becomes pi itself by rounding.
-    turn = np.where(turn >= np.float32(np.pi), 0, turn)
+    turn = angle_of_line(cosine, sine)
     spread = expected_error(np.hypot(cosine, sine), bend)
     angle[box] = np.where(inside, turn, 0)
     sigma[box] = np.where(inside, spread, SIGMA_BLIND)
@@ -106,6 +103,21 @@ def estimate_orientation(
     trust = np.where(spread < SIGMA_BLIND, (SIGMA_SURE / spread) ** 2, 0)
     confidence[box] = np.where(inside, np.minimum(trust, 1), 0)
     return OrientationMap(angle, confidence, sigma)
+
+
+def angle_of_line(
+    cosine: Float[np.ndarray, "*shape"], sine: Float[np.ndarray, "*shape"]
+) -> Float32[np.ndarray, "*shape"]:
+    """Return angles of lines, in [0, pi).
+
+    Args:
+        cosine: Of twice the angles, times any number above 0.
+        sine: The same of the sine.
+    """
+    turn = (np.arctan2(sine, cosine) / 2).astype(np.float32)
+    turn = np.where(turn < 0, turn + np.float32(np.pi), turn)
+    # A tiny negative angle becomes pi itself by rounding.
+    return np.where(turn >= np.float32(np.pi), np.float32(0), turn)
 
 
 def expected_error(

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..abreast import abreast
 from ..capture.capture import View
+from ..capture.filters import square_means
 from ..render.camera import Camera, resized
 from ..render.raster import picture_segments, project_points
 from .visibility import Sight
@@ -100,7 +101,7 @@ def coarser(sight: Sight) -> Sight:
     width, height = view.camera.width // times, view.camera.height // times
     # Of pixels at the border that fill no block, nothing is asked.
     whole = slice(height * times), slice(width * times)
-    blocks = view.hair[whole].reshape(height, times, width, times)
+    share = square_means(view.hair[whole][..., None].astype(np.float32), times)
     image = view.image[whole][times // 2 :: times, times // 2 :: times]
     camera = dataclasses.replace(
         view.camera, width=width * times, height=height * times
@@ -109,7 +110,7 @@ def coarser(sight: Sight) -> Sight:
         view.name,
         resized(camera, width, height),
         image,
-        blocks.mean(axis=(1, 3)) >= 0.5,
+        share[..., 0] >= 0.5,
     )
     if behind is not None:
         behind = behind[whole][times // 2 :: times, times // 2 :: times]

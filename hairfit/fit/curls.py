@@ -1,4 +1,4 @@
-"""Curls in photographs: how long a turn is, and which way their locks run.
+"""Curls in photographs: how large a turn is, and which way their locks run.
 
 Where hair curls, what a pixel shows is the side of a turn, not the lock. Over the area
 of a turn the angles average to the lock's own direction, or nearly so; along the lock
@@ -28,6 +28,7 @@ from ..capture.capture import View
 from ..capture.orientation import (
     SIGMA_BLIND,
     OrientationMap,
+    angle_of_line,
     estimate_orientation,
 )
 from ..model.locks import PITCH
@@ -41,7 +42,7 @@ from .slopes import cross_locks, mean_cosine, slope_of
 # a turn of the curls that can be seen.
 LOCK = 0.016
 # What curls swing about their locks at least: the mean square of the sine of twice the
-# angle. Drawn curls have 0.61, ringlets 0.39, waves 0.09: waves are nearer to their
+# angle. Drawn curls have 0.49, ringlets 0.64, waves 0.07: waves are nearer to their
 # mean direction than to waves of another phase.
 LEAST_SWING = 0.2
 # Maps that are surer in the mean show a direction. Drawn afros and ringlets have 0.07
@@ -80,16 +81,16 @@ class Curls(NamedTuple):
     told: bool
 
 
-class Locks(NamedTuple):
+class SeenLocks(NamedTuple):
     """The locks of curls in photographs.
 
     Attributes:
         maps: Orientation maps of them, one for each photograph.
-        slope: Metres that hair goes across them for each metre along.
+        radius: Of their curls, in metres.
     """
 
     maps: list[OrientationMap]
-    slope: float
+    radius: float
 
 
 def see_curls(
@@ -117,8 +118,7 @@ def see_curls(
     if pitch is not None:
         locks = see_locks([view.hair for view in views], maps, pixels, pitch)
         if swing(some[1], [locks.maps[k] for k in few]) > LEAST_SWING:
-            radius = pitch * locks.slope / (2.0 * math.pi)
-            return Curls(radius, pitch, locks.maps, True)
+            return Curls(locks.radius, pitch, locks.maps, True)
     if show_direction(*some):
         return straight
     mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
@@ -130,7 +130,7 @@ def see_locks(
     maps: Sequence[OrientationMap],
     pixels: Sequence[float],
     pitch: float,
-) -> Locks:
+) -> SeenLocks:
     """Return the locks of hair whose curls repeat.
 
     Args:
@@ -142,7 +142,8 @@ def see_locks(
     again = list(abreast(repeating_lines, hair, maps, pixels, [pitch] * len(hair)))
     crossing = np.sum(list(abreast(cross_locks, hair, maps, again)), axis=0)
     given = hair, maps, pixels, again, [mean_cosine(crossing)] * len(hair)
-    return Locks(list(abreast(lock_directions, *given)), slope_of(crossing))
+    radius = pitch * slope_of(crossing) / (2.0 * math.pi)
+    return SeenLocks(list(abreast(lock_directions, *given)), radius)
 
 
 def swing(maps: Sequence[OrientationMap], locks: Sequence[OrientationMap]) -> float:
@@ -202,7 +203,7 @@ def lock_directions(
     mean = mean_line(hair, found, pixel)
     counts = max(MEAN_COUNTS * cosine, LEAST_MEAN)
     line = counts * mean + again
-    angle = np.mod(np.arctan2(line[..., 1], line[..., 0]) / 2.0, np.pi)
+    angle = angle_of_line(line[..., 0], line[..., 1])
     # Where all ways are alike, the mean says all there is.
     line = DOUBT_COUNTS * mean + again
     length = np.hypot(again[..., 0], again[..., 1])
@@ -210,7 +211,7 @@ def lock_directions(
     spread = np.sqrt(-2.0 * np.log(np.clip(agree, 1e-3, 1.0))) / 2.0
     sigma = np.where(hair, np.minimum(spread, SIGMA_BLIND), SIGMA_BLIND)
     return OrientationMap(
-        angle.astype(np.float32),
+        angle,
         np.where(hair, agree, 0.0).astype(np.float32),
         sigma.astype(np.float32),
     )

@@ -11,7 +11,8 @@ others hide; the steepest is near the middle of the front in any case. Of fronts
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..capture.orientation import OrientationMap
+from ..capture.orientation import OrientationMap, angle_of_line
+from ..evaluate.photographs import line_angle
 
 # Share of a photograph's hair whose locks are told best: what its slope is read from.
 SUREST = 0.4
@@ -41,11 +42,9 @@ def cross_locks(
         return np.zeros(BINS)
     sure = np.hypot(lines[..., 0], lines[..., 1])
     best = hair & (sure > np.quantile(sure[hair], 1.0 - SUREST))
-    lock = 0.5 * np.arctan2(lines[best, 1], lines[best, 0])
-    off = np.abs(np.arcsin(np.sin(found.angle[best] - lock)))
-    return np.histogram(off, EDGES, weights=found.confidence[best].astype(np.float64))[
-        0
-    ]
+    off = line_angle(found.angle[best], angle_of_line(lines[best, 0], lines[best, 1]))
+    weight = found.confidence[best].astype(np.float64)
+    return np.histogram(off, EDGES, weights=weight)[0]
 
 
 def mean_cosine(crossing: Crossing) -> float:

@@ -72,5 +72,5 @@ def wind_along(
     knots = jnp.linspace(0.0, 1.0, phase.shape[1], dtype=eta.dtype)
     t = eta[:, None] * jnp.linspace(0.0, 1.0, points, dtype=eta.dtype)[None]
     phase = jax.vmap(jnp.interp, (0, None, 0))(t, knots, phase)
-    hand, pitch = (all_[mine].astype(eta.dtype) for all_ in (locks.hand, locks.pitch))
+    hand, pitch = (each[mine].astype(eta.dtype) for each in (locks.hand, locks.pitch))
     return Winding(phase, hand, pitch)

@@ -4,6 +4,7 @@ import pytest
 from hairfit.capture.orientation import (
     SIGMA_BLIND,
     OrientationConfig,
+    angle_of_line,
     estimate_orientation,
     expected_error,
 )
@@ -246,3 +247,11 @@ def test_photographs_come_back_within_bounds(captures, name, bound):
         assert off[order][np.searchsorted(total, 0.5 * total[-1])] < bound
         ratio = 1.4826 * np.median(off) / np.degrees(np.median(found.sigma[both]))
         assert 0.6 < ratio < 1.6
+
+
+def test_angles_of_lines_are_below_a_half_turn():
+    angle = np.array([0.0, 0.4, 1.6, 3.1, -0.4])
+    found = angle_of_line(3.0 * np.cos(2.0 * angle), 3.0 * np.sin(2.0 * angle))
+    assert np.allclose(found, np.mod(angle, np.pi), atol=1e-6)
+    # Its half is a tiny angle below 0: pi itself, if it were rounded.
+    assert angle_of_line(np.ones(1), np.array([-1e-12]))[0] == 0.0
