@@ -6,25 +6,28 @@ disagree. Carving by photo-consistency (Kutulakos & Seitz 2000), with the direct
 hair in place of its colour, which changes with the view.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy import ndimage
 
 from ..abreast import abreast
 from ..capture.capture import View
-from ..capture.orientation import SIGMA_SURE, OrientationMap
+from ..capture.filters import gaussian_blur
+from ..capture.orientation import SIGMA_BLIND, SIGMA_SURE, OrientationMap
 from .evidence import find_planes, full_matrix
 from .grid import blurred
-from .hull import Hull, hull_of, walls_of
+from .hull import Hull, hull_of, pixel_sizes, walls_of
 
 INCONSISTENT = 1.5  # disagreement over the expected one from which on there is no hair
 AROUND = 0.006  # metres: one voxel says little, those around it decide together
 DEEP = 0.015  # metres within the surface in which voxels are asked
 LEAST_KNOWN = 0.05  # share of the voxels around that three views must see
 LEAST_FREEDOM = 0.1  # views beyond the two that always agree
+BESIDE = 0.001  # metres by which hair may lie beside a place
 SWEEPS = 8
 FEWEST_CUT = 0.002  # of the hull; a sweep that cuts less is the last
 
@@ -34,6 +37,7 @@ def carve_by_direction(
     views: Sequence[View],
     maps: Sequence[OrientationMap],
     depths: Sequence[Float[np.ndarray, "_height _width"]],
+    curly: bool = False,
 ) -> Hull:
     """Return the hull without the voxels at its surface at which planes disagree.
 
@@ -44,9 +48,13 @@ def carve_by_direction(
         views: The photographs.
         maps: Their orientation maps.
         depths: Depth of the head in each photograph, in metres.
+        curly: Whether hair curls: then a place's direction is that of hair beside it.
     """
     if len(views) < 3:
         return hull
+    if curly:
+        pixels = pixel_sizes(hull, views)
+        maps = list(abreast(unsure_of_place, [v.hair for v in views], maps, pixels))
     for _ in range(SWEEPS):
         solid = np.asarray(ndimage.binary_erosion(hull.hair | (hull.head < 0)), bool)
         surface = hull.hair & ~solid
@@ -59,6 +67,34 @@ def carve_by_direction(
         if cut.sum() < FEWEST_CUT * left.sum():
             break
     return hull
+
+
+def unsure_of_place(
+    hair: Bool[np.ndarray, "height width"], found: OrientationMap, pixel: float
+) -> OrientationMap:
+    """Return a map whose error is also that of hair a little beside the place.
+
+    Which hair a voxel holds is known no better than that: where hair curls, other views
+    see another part of the turn.
+
+    Args:
+        hair: Which pixels are hair.
+        found: The orientation map.
+        pixel: Width of a pixel, in metres.
+    """
+    twice = 2.0 * found.angle
+    parts = np.stack([np.cos(twice), np.sin(twice), np.ones_like(twice)], axis=2)
+    parts = np.where(hair[..., None], parts, 0.0).astype(np.float32)
+    cosine, sine, count = np.moveaxis(gaussian_blur(parts, BESIDE / pixel), 2, 0)
+    agree = np.hypot(cosine, sine) / np.maximum(count, 1e-6)
+    turns = -0.5 * np.log(np.clip(agree, 1e-3, 1.0))
+    sigma = np.minimum(np.sqrt(found.sigma**2 + turns), SIGMA_BLIND)
+    less = np.maximum(found.sigma, SIGMA_SURE) / np.maximum(sigma, SIGMA_SURE)
+    return dataclasses.replace(
+        found,
+        confidence=(found.confidence * less**2).astype(np.float32),
+        sigma=sigma.astype(np.float32),
+    )
 
 
 def disagreement(

@@ -347,10 +347,10 @@ def _first_tree(
         all_maps = mute_clipped(shots.trusted.views, all_maps, shots.doubts)
         maps = [all_maps[k] for k in shots.used]
         progress("carving by direction", 0.13)
-        allowed, hull = hull, carve_by_direction(hull, views, maps, depths)
+        allowed, curls = hull, see_curls(hull, views, maps)
+        hull = carve_by_direction(hull, views, maps, depths, curls.radius > 0.0)
         scalp = capture.scalp or wrapped_scalp(shots, head)
         progress("growing strands", 0.27)
-        curls = see_curls(hull, views, maps)
         roots = _roots(scalp, preset, config)
         hull = bridged(hull if curls.told else allowed, roots.points, views)
         field = _field(hull, shots, curls, roots, store)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from hairfit.capture import orientation
 from hairfit.capture.orientation import (
     SIGMA_BLIND,
     OrientationConfig,
@@ -60,8 +61,8 @@ def test_a_quarter_turn_of_the_picture_turns_the_map():
         np.ascontiguousarray(np.rot90(image)), np.ascontiguousarray(np.rot90(hair))
     )
     here = np.rot90(hair)
-    assert apart(turned.angle, np.rot90(found.angle) + np.pi / 2)[here].max() < 0.5
-    np.testing.assert_allclose(turned.sigma, np.rot90(found.sigma), rtol=0.05)
+    assert apart(turned.angle, np.rot90(found.angle) + np.pi / 2)[here].max() < 0.1
+    np.testing.assert_allclose(turned.sigma, np.rot90(found.sigma), rtol=0.02)
 
 
 def test_a_mirrored_picture_mirrors_the_angle():
@@ -135,11 +136,12 @@ def test_the_expected_error_bounds_that_of_noisy_straight_lines(noise):
     assert expected / 8 < actual < 1.5 * expected
 
 
-def wavy(noise):
-    """Hair that hangs down in waves of 32 pixels, and its direction."""
+def wavy(noise, length=32.0):
+    """Hair that hangs down in waves of a length, in pixels, and its direction."""
     y, x = np.mgrid[:SIZE, :SIZE] + 0.5
-    shift = 5.0 * np.sin(2 * np.pi * y / 32)
-    slope = 5.0 * 2 * np.pi / 32 * np.cos(2 * np.pi * y / 32)
+    turn = 2 * np.pi * y / length
+    shift = 5.0 / 32 * length * np.sin(turn)
+    slope = 5.0 / 32 * 2 * np.pi * np.cos(turn)
     place = np.arange(-40, SIZE + 40, 1.0)
     height = np.random.default_rng(2).normal(size=len(place))
     lines = np.exp(-0.5 * ((x - shift)[..., None] - place) ** 2) @ height
@@ -163,6 +165,26 @@ def test_waves_are_followed_better_than_by_one_wide_mean():
     fixed = estimate_orientation(image, EVERYWHERE, config=wide)
     off = [np.median(apart(found.angle, theta)) for found in (adaptive, fixed)]
     assert off[0] < 0.5 * off[1]
+
+
+@pytest.mark.parametrize("length", [32.0, 44.0])
+def test_filters_of_half_the_size_follow_short_waves(monkeypatch, length):
+    image, theta = wavy(0.1, length)
+    both = estimate_orientation(image, EVERYWHERE)
+    monkeypatch.setattr(orientation, "LARGEST", SIZE - 1)
+    whole = estimate_orientation(image, EVERYWHERE)
+    off = [np.median(apart(found.angle, theta)) for found in (both, whole)]
+    assert off[0] < 0.65 * off[1]
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.3, 1.0])
+def test_filters_of_half_the_size_cost_straight_hair_nothing(monkeypatch, noise):
+    image = picture(strands(1.1), noise).clip(1e-3)
+    both = estimate_orientation(image, EVERYWHERE)
+    monkeypatch.setattr(orientation, "LARGEST", SIZE - 1)
+    whole = estimate_orientation(image, EVERYWHERE)
+    off = [np.median(apart(found.angle, 1.1)) for found in (both, whole)]
+    assert off[0] < 1.05 * off[1] + 0.1
 
 
 def test_expected_error_falls_with_coherence_and_grows_with_bend():

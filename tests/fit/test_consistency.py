@@ -3,7 +3,12 @@ import pytest
 from ball_hair import camera_at, hull_where, view_of
 
 from hairfit.capture.orientation import SIGMA_SURE, OrientationMap
-from hairfit.fit.consistency import carve_by_direction, disagreement
+from hairfit.fit.consistency import (
+    BESIDE,
+    carve_by_direction,
+    disagreement,
+    unsure_of_place,
+)
 from hairfit.render.raster import project_points
 
 TRUE, WIDE = 0.058, 0.068
@@ -94,3 +99,25 @@ def test_disagreement_is_one_on_the_surface(hull):
     assert len(asked) > 500
     # Voxels are no points, and fade behind the surface: the expectation is a bound.
     assert 0.1 < np.median(asked) < 1.2
+
+
+def test_the_error_of_a_place_grows_by_what_hair_turns_within_a_millimetre():
+    pixel, turns = 0.0004, 150.0  # radians in a metre
+    y, x = np.mgrid[:60, :80]
+    hair = np.ones(x.shape, bool)
+    hair[:, 70:] = False
+    sigma = np.full(x.shape, 1.2 * SIGMA_SURE, np.float32)
+    sure = np.where(hair, 1.0 / 1.2**2, 0.0).astype(np.float32)
+    still = OrientationMap(np.full(x.shape, 0.7), sure, sigma)
+    found = unsure_of_place(hair, still, pixel)
+    np.testing.assert_allclose(found.sigma[hair], sigma[hair], rtol=1e-3)
+    np.testing.assert_allclose(found.confidence, sure, rtol=3e-3)
+    turning = OrientationMap((turns * pixel * x) % np.pi, sure, sigma)
+    found = unsure_of_place(hair, turning, pixel)
+    inner = slice(15, -15), slice(15, 55)
+    expected = np.hypot(1.2 * SIGMA_SURE, turns * BESIDE)
+    np.testing.assert_allclose(found.sigma[inner], expected, rtol=0.02)
+    np.testing.assert_allclose(
+        found.confidence[inner], (SIGMA_SURE / expected) ** 2, rtol=0.05
+    )
+    assert (found.confidence[~hair] == 0.0).all()
