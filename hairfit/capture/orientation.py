@@ -33,8 +33,7 @@ HALF_CHANCE = 1.8
 # pixels, is less than this share of the usual filters' squared error; the power says
 # how sharply.
 AROUND, BETTER, DECIDED = 12.0, 0.8, 8.0
-# Hair of more pixels from end to end needs no smaller filters: they cost four times as
-# much.
+# Hair of more pixels from end to end needs no smaller filters: they cost twice as much.
 LARGEST = 1000
 
 
@@ -59,7 +58,7 @@ class OrientationConfig:
     """What the filters look for. Lengths in pixels.
 
     Attributes:
-        wavelengths: Centres of the bands: from single hairs to locks.
+        wavelengths: Centres of the bands, three or more: from single hairs to locks.
         length: Length of a filter along the hair, the standard deviation of a Gaussian.
         bandwidth: Standard deviation of the logarithm of the frequency in a band.
         pooling: Gaussians over which votes are gathered, from narrow to wide, two or
@@ -108,7 +107,9 @@ def estimate_orientation(
     votes = at_size(mean_votes(texture, config), texture.known.shape)
     found = Lines(votes[..., :2], error_of(votes))
     if max(inside.shape) <= LARGEST:
-        half = mean_votes(enlarged(texture), config)
+        # Nothing is finer than four of its pixels, and broad bands are the usual ones.
+        inner = dataclasses.replace(config, wavelengths=config.wavelengths[1:-1])
+        half = mean_votes(enlarged(texture), inner)
         found = surer_lines(votes, half, texture.known)
     line, spread = (one[: inside.shape[0], : inside.shape[1]] for one in found)
     turn = angle_of_line(line[..., 0], line[..., 1])
