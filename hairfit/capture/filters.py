@@ -42,9 +42,7 @@ def line_moments(
     fx = fft.fftfreq(size[1] // step).astype(np.float32)[None] / step
     octave = np.log(np.maximum(np.hypot(fx, fy), 1e-6) * wavelength)
     band = np.exp(-0.5 * (octave / bandwidth) ** 2)
-    # Every other sample stands for two, as means of pairs do: in the middle of them.
-    middle = np.exp(np.complex64(1j * math.pi * (step - 1)) * (fx + fy))
-    spectrum = spectrum * (band / step**2) * middle
+    spectrum = spectrum * (band / step**2)
     # A filter of this length passes frequencies within this angle; at 0.8 spacings the
     # squared responses of neighbouring directions overlap without ripple.
     spread = wavelength / (2 * math.pi * length)
@@ -85,13 +83,21 @@ def fast_size(least: int, multiple: int) -> int:
 def low_frequencies(
     spectrum: Complex64[np.ndarray, "rows columns"], step: int
 ) -> Complex64[np.ndarray, "_rows _columns"]:
-    """Return the spectrum as if every `step`-th pixel had been taken, low-passed."""
+    """Return the spectrum as if one in `step` pixels had been taken, low-passed.
+
+    Each sample stands in the middle of the pixels it is taken for, as their mean does.
+    """
     if step == 1:
         return spectrum
     rows, columns = (count // step for count in spectrum.shape)
     top, left = (spectrum.shape[0] - rows) // 2, (spectrum.shape[1] - columns) // 2
     centred = fft.fftshift(spectrum)[top : top + rows, left : left + columns]
-    return fft.ifftshift(centred)
+    shift = math.pi * (step - 1) / step
+    down, right = (
+        np.exp(1j * shift * fft.fftfreq(count)).astype(np.complex64)
+        for count in (rows, columns)
+    )
+    return fft.ifftshift(centred) * down[:, None] * right
 
 
 def halved(

@@ -94,6 +94,8 @@ def estimate_orientation(
     Raises:
         InputError: If the sizes differ or the picture holds values that are not finite.
     """
+    import cv2
+
     check_picture(image, hair)
     angle = np.zeros(hair.shape, np.float32)
     sigma = np.full(hair.shape, SIGMA_BLIND, np.float32)
@@ -104,13 +106,16 @@ def estimate_orientation(
     inside = hair[box]
     config = config or OrientationConfig()
     texture = flatten(image[box], inside, config)
-    votes = at_size(mean_votes(texture, config), texture.known.shape)
+    size = texture.known.shape[::-1]
+    votes = mean_votes(texture, config)
+    votes = cv2.resize(votes, size, interpolation=cv2.INTER_LINEAR)
     found = Lines(votes[..., :2], error_of(votes))
     if max(inside.shape) <= LARGEST:
-        # Nothing is finer than four of its pixels, and broad bands are the usual ones.
+        # An enlarged picture holds nothing for the finest band, and its broadest is one
+        # of the usual filters.
         inner = dataclasses.replace(config, wavelengths=config.wavelengths[1:-1])
         half = mean_votes(enlarged(texture), inner)
-        found = surer_lines(votes, half, texture.known)
+        found = surer_lines(found, half, texture.known)
     line, spread = (one[: inside.shape[0], : inside.shape[1]] for one in found)
     turn = angle_of_line(line[..., 0], line[..., 1])
     angle[box] = np.where(inside, turn, 0)
@@ -134,6 +139,17 @@ def angle_of_line(
     turn = np.where(turn < 0, turn + np.float32(np.pi), turn)
     # A tiny negative angle becomes pi itself by rounding.
     return np.where(turn >= np.float32(np.pi), np.float32(0), turn)
+
+
+def spread_of_lines(
+    agree: Float[np.ndarray, "*shape"],
+) -> Float[np.ndarray, "*shape"]:
+    """Return the standard deviation of lines about their mean, in radians.
+
+    Args:
+        agree: Length of the mean of unit vectors of twice their angles.
+    """
+    return np.sqrt(-2.0 * np.log(np.clip(agree, 1e-3, 1.0))) / 2.0
 
 
 def expected_error(
@@ -240,15 +256,6 @@ def enlarged(texture: Texture) -> Texture:
     return Texture(contrast * known, known)
 
 
-def at_size(
-    values: Float32[np.ndarray, "rows columns channels"], shape: tuple[int, int]
-) -> Float32[np.ndarray, "_rows _columns channels"]:
-    """Return maps enlarged to so many rows and columns, linear between pixels."""
-    import cv2
-
-    return cv2.resize(values, shape[::-1], interpolation=cv2.INTER_LINEAR)
-
-
 def error_of(
     votes: Float32[np.ndarray, "rows columns 3"], more: float = 1.0
 ) -> Float32[np.ndarray, "rows columns"]:
@@ -257,27 +264,28 @@ def error_of(
 
 
 def surer_lines(
-    whole: Float32[np.ndarray, "rows columns 3"],
+    whole: Lines,
     half: Float32[np.ndarray, "rows columns 3"],
     known: Float32[np.ndarray, "rows columns"],
 ) -> Lines:
     """Return where hair runs by the filters whose votes are surer about each place.
 
     Args:
-        whole: The votes of the filters, see `mean_votes`.
-        half: Those of filters of half the size.
+        whole: What the filters see.
+        half: The votes of filters of half the size, see `mean_votes`.
         known: 1 where there is hair, 0 elsewhere.
     """
-    sure = np.stack([known / error_of(votes) ** 2 for votes in (whole, half)], axis=2)
+    spreads = whole.spread, error_of(half)
+    sure = np.stack([known / spread**2 for spread in spreads], axis=2)
     sure = np.maximum(gaussian_blur(sure, AROUND), np.float32(1e-6))
     ratio = sure[..., 0] / (np.float32(BETTER) * sure[..., 1])
     share = 1 / (1 + ratio ** np.float32(DECIDED))
     lines = [
-        votes[..., :2] / (np.linalg.norm(votes[..., :2], axis=2)[..., None] + 1e-12)
-        for votes in (whole, half)
+        line / (np.linalg.norm(line, axis=2)[..., None] + 1e-12)
+        for line in (whole.line, half[..., :2])
     ]
     line = lines[0] + share[..., None] * (lines[1] - lines[0])
-    squares = [error_of(whole) ** 2, error_of(half, HALF_CHANCE) ** 2]
+    squares = [whole.spread**2, error_of(half, HALF_CHANCE) ** 2]
     return Lines(line, np.sqrt(squares[0] + share * (squares[1] - squares[0])))
 
 

@@ -16,8 +16,13 @@ from scipy import ndimage
 
 from ..abreast import abreast
 from ..capture.capture import View
-from ..capture.filters import gaussian_blur
-from ..capture.orientation import SIGMA_BLIND, SIGMA_SURE, OrientationMap
+from ..capture.orientation import (
+    SIGMA_BLIND,
+    SIGMA_SURE,
+    OrientationMap,
+    spread_of_lines,
+)
+from .curls import mean_line
 from .evidence import find_planes, full_matrix
 from .grid import blurred
 from .hull import Hull, hull_of, pixel_sizes, walls_of
@@ -82,13 +87,9 @@ def unsure_of_place(
         found: The orientation map.
         pixel: Width of a pixel, in metres.
     """
-    twice = 2.0 * found.angle
-    parts = np.stack([np.cos(twice), np.sin(twice), np.ones_like(twice)], axis=2)
-    parts = np.where(hair[..., None], parts, 0.0).astype(np.float32)
-    cosine, sine, count = np.moveaxis(gaussian_blur(parts, BESIDE / pixel), 2, 0)
-    agree = np.hypot(cosine, sine) / np.maximum(count, 1e-6)
-    turns = -0.5 * np.log(np.clip(agree, 1e-3, 1.0))
-    sigma = np.minimum(np.sqrt(found.sigma**2 + turns), SIGMA_BLIND)
+    mean = mean_line(hair, found, pixel, BESIDE)
+    turns = spread_of_lines(np.hypot(mean[..., 0], mean[..., 1]))
+    sigma = np.minimum(np.hypot(found.sigma, turns), SIGMA_BLIND)
     less = np.maximum(found.sigma, SIGMA_SURE) / np.maximum(sigma, SIGMA_SURE)
     return dataclasses.replace(
         found,

@@ -30,6 +30,7 @@ from ..capture.orientation import (
     OrientationMap,
     angle_of_line,
     estimate_orientation,
+    spread_of_lines,
 )
 from ..model.locks import PITCH
 from ..model.tree import HairTree, leaves
@@ -208,8 +209,8 @@ def lock_directions(
     line = DOUBT_COUNTS * mean + again
     length = np.hypot(again[..., 0], again[..., 1])
     agree = np.hypot(line[..., 0], line[..., 1]) / (DOUBT_COUNTS + length)
-    spread = np.sqrt(-2.0 * np.log(np.clip(agree, 1e-3, 1.0))) / 2.0
-    sigma = np.where(hair, np.minimum(spread, SIGMA_BLIND), SIGMA_BLIND)
+    spread = np.minimum(spread_of_lines(agree), SIGMA_BLIND)
+    sigma = np.where(hair, spread, SIGMA_BLIND)
     return OrientationMap(
         angle,
         np.where(hair, agree, 0.0).astype(np.float32),
@@ -218,9 +219,12 @@ def lock_directions(
 
 
 def mean_line(
-    hair: Bool[np.ndarray, "height width"], found: OrientationMap, pixel: float
+    hair: Bool[np.ndarray, "height width"],
+    found: OrientationMap,
+    pixel: float,
+    around: float = LOCK,
 ) -> Float[np.ndarray, "height width 2"]:
-    """Return the mean of cosine and sine of twice the angle over a turn.
+    """Return the mean of cosine and sine of twice the angle about each pixel.
 
     Every pixel of hair that says anything counts alike, as one side of a turn is seen
     sharper than the other.
@@ -229,8 +233,9 @@ def mean_line(
         hair: Which pixels are hair.
         found: The orientation map.
         pixel: Width of a pixel, in metres.
+        around: The standard deviation of the Gaussian, in metres: as it is, a turn.
     """
-    blur = LOCK / pixel
+    blur = around / pixel
     says = (hair & (found.confidence > 0.0)).astype(np.float32)
     cosine, sine, count = (
         ndimage.gaussian_filter(says * part, blur, truncate=3.0)
