@@ -14,19 +14,20 @@ import numpy as np
 from accuracy_run import SUBSETS
 
 from hairfit.capture import load_capture
+from hairfit.capture.orientation import OrientationMap
 from hairfit.evaluate.sample import sample_strands_evenly
 from hairfit.fit.bridges import bridged
 from hairfit.fit.checkpoint import Checkpoint
-from hairfit.fit.consistency import carve_by_direction
+from hairfit.fit.consistency import carve_by_consistency
 from hairfit.fit.corners import carve_corners
 from hairfit.fit.curls import see_curls
 from hairfit.fit.flow import hair_field, hair_flow
-from hairfit.fit.hull import carve
+from hairfit.fit.hull import Hull, carve
 from hairfit.fit.pipeline import PRESETS
-from hairfit.fit.shots import orientation_maps, trusted_shots, wrapped_scalp
+from hairfit.fit.shots import Shots, orientation_maps, trusted_shots, wrapped_scalp
 from hairfit.fit.trust import mute_clipped
 from hairfit.io.strands import load_strands
-from hairfit.model.scalp import normals_on, points_on, sample_roots
+from hairfit.model.scalp import Scalp, normals_on, points_on, sample_roots
 
 RIGHT = np.cos(np.radians(30.0))
 
@@ -54,23 +55,44 @@ def main() -> None:
         print(f"| {folder.name} | {cells} |", flush=True)
 
 
-def measured(folder: pathlib.Path, names: str, quality: str) -> Shares:
-    """Return the shares of a capture, of the photographs that are named."""
+class Start(NamedTuple):
+    """What a fit knows of a capture before it compares photographs with each other.
+
+    Attributes:
+        shots: The photographs.
+        maps: Their orientation maps.
+        hull: Where their masks allow hair.
+        scalp: Where hair grows.
+    """
+
+    shots: Shots
+    maps: list[OrientationMap]
+    hull: Hull
+    scalp: Scalp
+
+
+def start_of(folder: pathlib.Path, names: str, quality: str) -> Start:
+    """Return what a fit of these photographs of a capture starts with."""
     capture = load_capture(folder, views=names)
-    head, store, preset = capture.head, Checkpoint(None), PRESETS[quality]
+    head, store = capture.head, Checkpoint(None)
     if head is None:
         raise SystemExit(f"'{folder}' has no head.obj; take a capture that has one.")
     shots = trusted_shots(capture.views, head, store)
-    views, depths = shots.views, shots.depths
-    hull = carve(views, depths, head, preset.spacing)
-    hull = carve_corners(hull, views, depths)
+    hull = carve(shots.views, shots.depths, head, PRESETS[quality].spacing)
+    hull = carve_corners(hull, shots.views, shots.depths)
     maps = orientation_maps(shots.trusted.views, store, lambda share: None)
     muted = mute_clipped(shots.trusted.views, maps, shots.doubts)
-    maps = [muted[k] for k in shots.used]
-    allowed, hull = hull, carve_by_direction(hull, views, maps, depths)
     scalp = capture.scalp or wrapped_scalp(shots, head)
-    curls = see_curls(hull, views, maps)
-    uv = sample_roots(scalp, preset.guides, jax.random.key(0))
+    return Start(shots, [muted[k] for k in shots.used], hull, scalp)
+
+
+def measured(folder: pathlib.Path, names: str, quality: str) -> Shares:
+    """Return the shares of a capture, of the photographs that are named."""
+    shots, maps, hull, scalp = start_of(folder, names, quality)
+    views, depths = shots.views, shots.depths
+    allowed, curls = hull, see_curls(hull, views, maps)
+    hull = carve_by_consistency(hull, views, maps, depths, curls.radius > 0.0)
+    uv = sample_roots(scalp, PRESETS[quality].guides, jax.random.key(0))
     roots, normals = (
         np.asarray(on(scalp, uv), np.float64) for on in (points_on, normals_on)
     )

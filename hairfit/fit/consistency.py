@@ -9,6 +9,7 @@ hair in place of its colour, which changes with the view.
 import dataclasses
 from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -26,25 +27,30 @@ from .curls import mean_line
 from .evidence import find_planes, full_matrix
 from .grid import blurred
 from .hull import Hull, hull_of, pixel_sizes, walls_of
+from .shades import Shade, find_shades
 
 INCONSISTENT = 1.5  # disagreement over the expected one from which on there is no hair
+UNLIKE = 2.0  # times as unlike as usual, likewise; each layer takes one time more
 AROUND = 0.006  # metres: one voxel says little, those around it decide together
 DEEP = 0.015  # metres within the surface in which voxels are asked
 LEAST_KNOWN = 0.05  # share of the voxels around that three views must see
 LEAST_FREEDOM = 0.1  # views beyond the two that always agree
+LEAST_COMPARED = 0.7  # views beyond one that tell whether a place is as dark in all
+BARE = 0.005  # metres from the skin; nearer, it shows between hairs, and is no shadow
+MOST_PLACES = 20_000  # that are asked for the exposures
 BESIDE = 0.001  # metres by which hair may lie beside a place
 SWEEPS = 8
 FEWEST_CUT = 0.002  # of the hull; a sweep that cuts less is the last
 
 
-def carve_by_direction(
+def carve_by_consistency(
     hull: Hull,
     views: Sequence[View],
     maps: Sequence[OrientationMap],
     depths: Sequence[Float[np.ndarray, "_height _width"]],
     curly: bool = False,
 ) -> Hull:
-    """Return the hull without the voxels at its surface at which planes disagree.
+    """Return the hull without voxels at its surface where views contradict each other.
 
     Layer by layer: what is behind a voxel is seen by more views once it is gone.
 
@@ -60,10 +66,19 @@ def carve_by_direction(
     if curly:
         pixels = pixel_sizes(hull, views)
         maps = list(abreast(unsure_of_place, [v.hair for v in views], maps, pixels))
-    for _ in range(SWEEPS):
-        solid = np.asarray(ndimage.binary_erosion(hull.hair | (hull.head < 0)), bool)
-        surface = hull.hair & ~solid
-        cut = surface & (disagreement(hull, views, maps, depths) > INCONSISTENT)
+    places = hull.grid.centres(surface_of(hull))
+    places = places[:: -(-len(places) // MOST_PLACES)]
+    see = partial(find_planes, walls_of(hull), places)
+    shades = find_shades(hull, views, list(abreast(see, views, maps, depths)))
+    usual = 0.0
+    for sweep in range(SWEEPS):
+        surface = surface_of(hull)
+        turned, shaded = contradictions(hull, views, maps, depths, shades)
+        some = shaded[surface & (shaded > 0.0)]
+        usual = usual or (float(np.median(some)) if len(some) else np.inf)
+        # What was cut by mistake leaves what looks as bad behind it.
+        unlike = shaded > (UNLIKE + sweep) * usual
+        cut = surface & ((turned > INCONSISTENT) | (unlike & (hull.head > BARE)))
         left = hull.hair & ~cut
         # No hull is worse than one that is too wide; what is whole is measured already.
         if not left.any() or not cut.any():
@@ -98,35 +113,93 @@ def unsure_of_place(
     )
 
 
-def disagreement(
+def surface_of(hull: Hull) -> Bool[np.ndarray, "x y z"]:
+    """Return the voxels of hair beside which there is neither hair nor head."""
+    solid = ndimage.binary_erosion(hull.hair | (hull.head < 0))
+    return hull.hair & ~np.asarray(solid, bool)
+
+
+class Contradictions(NamedTuple):
+    """How far views contradict each other at every voxel; 0 where few look, or deep.
+
+    Attributes:
+        turned: How far their planes are from one line, over what their errors explain:
+            about 1 where there is hair.
+        shaded: How much darker the hair is in some than in others, over how much that
+            differs about a place: the ratio of the variances.
+    """
+
+    turned: Float[np.ndarray, "x y z"]
+    shaded: Float[np.ndarray, "x y z"]
+
+
+def contradictions(
     hull: Hull,
     views: Sequence[View],
     maps: Sequence[OrientationMap],
     depths: Sequence[Float[np.ndarray, "_height _width"]],
-) -> Float[np.ndarray, "x y z"]:
-    r"""Return how far planes are from one line, over what their errors explain.
+    shades: Sequence[Shade],
+) -> Contradictions:
+    r"""Return how far views contradict each other in voxels near the hull's surface.
 
     The least eigenvalue of $\sum w\,n n^T$ is the sum of the weighted squares of the
     planes' angles to the best line. A view's angle errs by $\sigma$ and has the weight
     $w \propto \sigma^{-2}$, so each contributes the same; two of $n$ views are fitted.
-    About 1 where there is hair; 0 where fewer than three views look, and deep inside.
+
+    Args:
+        hull: The hull.
+        views: The photographs.
+        maps: Their orientation maps.
+        depths: Depth of the head in each photograph, in metres.
+        shades: How dark hair is in each.
     """
     near = hull.hair & (hull.distance > -DEEP)
     points = hull.grid.centres(near)
     entries = np.zeros((len(points), 6))
-    seen, square = np.zeros(len(points)), np.zeros(len(points))
-    told = partial(find_planes, walls_of(hull), points)
-    for plane in abreast(told, views, maps, depths):
+    told, seen, level = np.zeros((3, 2, len(points)))  # sums, and those of squares
+    contrast = np.zeros(len(points))
+    planes = abreast(partial(find_planes, walls_of(hull), points), views, maps, depths)
+    for plane, shade in zip(planes, shades, strict=True):
         entries += plane.entries
         says = np.where(plane.confidence > 0, plane.seen, 0.0)
-        seen += says
-        square += says**2
+        told += says, says**2
+        seen += plane.seen, plane.seen**2
+        here = shade.level[plane.at]
+        level += plane.seen * here, plane.seen * here**2
+        contrast += plane.seen * shade.contrast[plane.at]
     least = np.maximum(np.linalg.eigvalsh(full_matrix(entries))[:, 0], 0.0)
-    looking = seen**2 / np.maximum(square, 1e-12)
-    expected = np.maximum(1.0 - 2.0 / np.maximum(looking, 2.0), 0.0) * seen
-    asked = expected > LEAST_FREEDOM
-    around = AROUND / hull.grid.spacing
-    sums = np.where(asked, least, 0.0), np.where(asked, expected, 0.0), 1.0 * asked
-    least, expected, known = abreast(lambda one: blurred(near, one, around), sums)
-    expected *= SIGMA_SURE**2
-    return np.where(known > LEAST_KNOWN, least / np.maximum(expected, 1e-12), 0.0)
+    looking = told[0] ** 2 / np.maximum(told[1], 1e-12)
+    free = np.maximum(1.0 - 2.0 / np.maximum(looking, 2.0), 0.0) * told[0]
+    turned = ratio_around(hull, near, least, SIGMA_SURE**2 * free, free)
+    total = np.maximum(seen[0], 1e-12)
+    apart = np.maximum(level[1] - level[0] ** 2 / total, 0.0)
+    free = seen[0] - seen[1] / total
+    expected = free * contrast / total
+    shaded = ratio_around(hull, near, apart, expected, free, LEAST_COMPARED)
+    return Contradictions(turned, shaded)
+
+
+def ratio_around(
+    hull: Hull,
+    near: Bool[np.ndarray, "x y z"],
+    found: Float[np.ndarray, " voxels"],
+    expected: Float[np.ndarray, " voxels"],
+    free: Float[np.ndarray, " voxels"],
+    least: float = 0.0,
+) -> Float[np.ndarray, "x y z"]:
+    """Return what was found over what was to be expected, in places as large as AROUND.
+
+    Args:
+        hull: The hull.
+        near: Which voxels are asked.
+        found: A sum of squares in each of them.
+        expected: What it would be if there was hair.
+        free: How many views see it more than are always explained.
+        least: How many that must be, in the mean; 0 is said where they are fewer.
+    """
+    asked, around = free > LEAST_FREEDOM, AROUND / hull.grid.spacing
+    values = np.where(asked, (found, expected, free, 1.0 * asked), 0.0)
+    sums = abreast(lambda one: blurred(near, one, around), values)
+    found, expected, free, known = sums
+    says = (known > LEAST_KNOWN) & (free >= least * known)
+    return np.where(says, found / np.maximum(expected, 1e-12), 0.0)

@@ -84,7 +84,7 @@ def gather(
     entries = np.zeros((len(points), 6))
     total, looks = np.zeros(len(points)), np.zeros(len(points))
     told = abreast(partial(find_planes, walls_of(hull), points), views, maps, depths)
-    for weighted, seen, confidence in told:
+    for weighted, seen, confidence, _ in told:
         entries += weighted
         total += seen * confidence
         looks += seen
@@ -109,11 +109,13 @@ class Planes(NamedTuple):
             confidence; see `matrix_entries`.
         seen: How well each point is seen: 1 at the hull's surface, 0 behind.
         confidence: Of the angle in the photograph, from 0 to 1.
+        at: Row and column of the pixel in which each point lands.
     """
 
     entries: Float[np.ndarray, "points 6"]
     seen: Float[np.ndarray, " points"]
     confidence: Float[np.ndarray, " points"]
+    at: tuple[Int[np.ndarray, " points"], Int[np.ndarray, " points"]]
 
 
 def find_planes(
@@ -152,7 +154,7 @@ def find_planes(
     confidence = np.asarray(found.confidence[y, x], np.float64)
     fade = np.where(seen, fade, 0.0)
     entries = (fade * confidence)[:, None] * matrix_entries(normal)
-    return Planes(entries, fade, confidence)
+    return Planes(entries, fade, confidence, (y, x))
 
 
 def _surface_normal(hull: Hull) -> Float[np.ndarray, "voxels 3"]:

@@ -40,7 +40,7 @@ from .branches import with_branches
 from .bridges import bridged
 from .checkpoint import Checkpoint
 from .confidence import ConfidenceConfig, with_confidence
-from .consistency import carve_by_direction
+from .consistency import carve_by_consistency
 from .corners import carve_corners
 from .cost import Quality, affordable, refine_until
 from .curls import Curls, points_for, see_curls
@@ -348,7 +348,7 @@ def _first_tree(
         maps = [all_maps[k] for k in shots.used]
         progress("carving by direction", 0.13)
         allowed, curls = hull, see_curls(hull, views, maps)
-        hull = carve_by_direction(hull, views, maps, depths, curls.radius > 0.0)
+        hull = carve_by_consistency(hull, views, maps, depths, curls.radius > 0.0)
         scalp = capture.scalp or wrapped_scalp(shots, head)
         progress("growing strands", 0.27)
         roots = _roots(scalp, preset, config)

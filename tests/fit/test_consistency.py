@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from ball_hair import camera_at, hull_where, view_of
@@ -5,15 +7,17 @@ from ball_hair import camera_at, hull_where, view_of
 from hairfit.capture.orientation import SIGMA_SURE, OrientationMap
 from hairfit.fit.consistency import (
     BESIDE,
-    carve_by_direction,
-    disagreement,
+    carve_by_consistency,
+    contradictions,
     unsure_of_place,
 )
+from hairfit.fit.shades import Shade
 from hairfit.render.raster import project_points
 
 TRUE, WIDE = 0.058, 0.068
 NOISE = 1.5 * SIGMA_SURE
 TURNS = 90.0  # radians that the direction turns in a metre
+SPOTS = 150.0  # likewise, of dark and bright
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +41,16 @@ def waved(p):
     return np.cos(angle) * np.cross(out, side) + np.sin(angle) * side
 
 
-def photograph(eye, direction, rng):
+def spotted(p):
+    """How bright hair on the ball is: dark between locks, a lock for each of many."""
+    return np.exp(0.7 * np.sin(SPOTS * p).sum(axis=1)) / 20.0
+
+
+def plain(p):
+    return np.full(len(p), 0.05)
+
+
+def photograph(eye, direction, rng, brightness=plain):
     """Return a view of the ball and the angles of the hair on it, with their noise."""
     camera = camera_at(eye, finer=3)
     y, x = np.mgrid[: camera.height, : camera.width]
@@ -57,19 +70,30 @@ def photograph(eye, direction, rng):
     sigma = np.full(shape, NOISE)
     found = OrientationMap((angle % np.pi).reshape(shape), sure, sigma)
     # The mask is too wide: it is the hull's, not the hair's.
-    return view_of(camera, np.ones(shape, bool)), found
+    hair = np.linalg.norm(hit, axis=1) < WIDE + 0.008
+    view = view_of(camera, hair.reshape(shape))
+    grey = brightness(hit).reshape(*shape, 1)
+    image = np.broadcast_to(grey, (*shape, 3)).astype(np.float32)
+    return dataclasses.replace(view, image=image), found
 
 
-def ring(direction, count=8):
+def ring(direction, count=8, brightness=plain):
     rng = np.random.default_rng(0)
     turn = 2 * np.pi * np.arange(count) / 8
     eyes = 0.6 * np.stack([np.sin(turn), 0.1 + 0 * turn, np.cos(turn)], axis=1)
-    views, maps = zip(*(photograph(eye, direction, rng) for eye in eyes), strict=True)
+    photographs = (photograph(eye, direction, rng, brightness) for eye in eyes)
+    views, maps = zip(*photographs, strict=True)
     return views, maps, [np.full(view.hair.shape, np.inf) for view in views]
 
 
+def disagreement(hull, views, maps, depths):
+    flat = [Shade(0.0 * found.sigma, 1.0 + 0.0 * found.sigma) for found in maps]
+    flat = [Shade(*(one.astype(np.float32) for one in shade)) for shade in flat]
+    return contradictions(hull, views, maps, depths, flat).turned
+
+
 def test_hair_that_turns_tells_where_its_surface_is(hull):
-    carved = carve_by_direction(hull, *ring(waved))
+    carved = carve_by_consistency(hull, *ring(waved))
     radius = np.linalg.norm(hull.grid.centres(hull.hair), axis=1)
     height = np.abs(hull.grid.centres(hull.hair)[:, 1])
     left = carved.hair[hull.hair]
@@ -80,13 +104,60 @@ def test_hair_that_turns_tells_where_its_surface_is(hull):
 
 
 def test_hair_that_runs_one_way_tells_nothing(hull):
-    carved = carve_by_direction(hull, *ring(upright))
+    carved = carve_by_consistency(hull, *ring(upright))
     assert (carved.hair & hull.hair).sum() > 0.98 * hull.hair.sum()
+
+
+@pytest.fixture(scope="module")
+def bulging():
+    """A hull that is as large as the ball, but for a bulge that masks allow."""
+
+    def inside(p):
+        radius = np.linalg.norm(p, axis=1)
+        return (radius < TRUE) | ((radius < WIDE + 0.004) & (p[:, 2] > 0.6 * radius))
+
+    return hull_where(inside, [-0.08] * 3, [0.08] * 3, 0.004)
+
+
+def shares_left(hull, carved):
+    """What is left of a bulge, and of the ball."""
+    points = hull.grid.centres(hull.hair)
+    radius, left = np.linalg.norm(points, axis=1), carved.hair[hull.hair]
+    return left[radius > TRUE + 0.004].mean(), left[radius < TRUE].mean()
+
+
+def test_shadows_tell_of_a_bulge_in_hair_that_runs_one_way(bulging):
+    carved = carve_by_consistency(bulging, *ring(upright, brightness=spotted))
+    bulge, ball = shares_left(bulging, carved)
+    assert bulge < 0.5
+    assert ball > 0.97
+    plain_hair = carve_by_consistency(bulging, *ring(upright))
+    assert shares_left(bulging, plain_hair)[0] > 0.95
+
+
+def test_shadows_are_not_asked_where_skin_shows_between_hairs(bulging):
+    near_skin = dataclasses.replace(bulging, head=np.full(bulging.hair.shape, 0.004))
+    carved = carve_by_consistency(near_skin, *ring(upright, brightness=spotted))
+    assert shares_left(near_skin, carved)[0] > 0.95
+
+
+def test_shadows_of_photographs_that_are_exposed_otherwise_tell_the_same(bulging):
+    views, maps, depths = ring(upright, brightness=spotted)
+    gain = np.array([1.0, 1.5, 0.7, 1.0, 1.3, 0.6, 1.2, 0.9], np.float32)
+    views = [
+        dataclasses.replace(view, image=one * view.image)
+        for view, one in zip(views, gain, strict=True)
+    ]
+    bulge, ball = shares_left(
+        bulging, carve_by_consistency(bulging, views, maps, depths)
+    )
+    assert bulge < 0.5
+    assert ball > 0.97
 
 
 def test_two_views_never_disagree(hull):
     views, maps, depths = ring(waved, count=2)
-    assert carve_by_direction(hull, views, maps, depths) is hull
+    assert carve_by_consistency(hull, views, maps, depths) is hull
     assert disagreement(hull, views, maps, depths).max() == 0.0
 
 
