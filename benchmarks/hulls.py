@@ -5,29 +5,20 @@ capture has a `truth.npz`. Of the hull's voxels so many are within 3 mm of true 
 many are 6 mm and more from it; of the true hair so much is inside, and within 2 mm.
 """
 
-import argparse
-import pathlib
-
 import numpy as np
-from accuracy_run import SUBSETS
 from scipy.spatial import KDTree
-from sense import start_of
+from sense import parsed, start_of
 
 from hairfit.evaluate.sample import sample_strands_evenly
 from hairfit.fit import consistency
 from hairfit.fit.curls import see_curls
 from hairfit.fit.hull import Hull
-from hairfit.fit.pipeline import PRESETS
 from hairfit.io.strands import load_strands
 
 
 def main() -> None:
     """Print three rows for each capture."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("captures", nargs="+", type=pathlib.Path)
-    parser.add_argument("--views", default=",".join(SUBSETS[8] or ()))
-    parser.add_argument("--quality", default="normal", choices=PRESETS)
-    given = parser.parse_args()
+    given = parsed(__doc__)
     print("| | voxels | within 3 mm | beyond 6 mm | hair inside | within 2 mm |")
     print("| --- | --- | --- | --- | --- | --- |")
     shadows = consistency.UNLIKE

@@ -42,17 +42,22 @@ class Shares(NamedTuple):
 
 def main() -> None:
     """Print a row for each capture."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("captures", nargs="+", type=pathlib.Path)
-    parser.add_argument("--views", default=",".join(SUBSETS[8] or ()))
-    parser.add_argument("--quality", default="normal", choices=PRESETS)
-    given = parser.parse_args()
+    given = parsed(__doc__)
     print("| | in the hull | along the field | against its sense |")
     print("| --- | --- | --- | --- |")
     for folder in given.captures:
         shares = measured(folder, given.views, given.quality)
         cells = " | ".join(f"{100 * share:.2f} %" for share in shares)
         print(f"| {folder.name} | {cells} |", flush=True)
+
+
+def parsed(description: str | None) -> argparse.Namespace:
+    """Return the captures, views and quality that the command line asks for."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("captures", nargs="+", type=pathlib.Path)
+    parser.add_argument("--views", default=",".join(SUBSETS[8] or ()))
+    parser.add_argument("--quality", default="normal", choices=PRESETS)
+    return parser.parse_args()
 
 
 class Start(NamedTuple):

@@ -2,8 +2,8 @@
 
 Where three views or more see a voxel of hair, their planes meet in one line. Before the
 hair, where the hull is too wide, each view sees other hair behind it, and the planes
-disagree. Carving by photo-consistency (Kutulakos & Seitz 2000), with the direction of
-hair in place of its colour, which changes with the view.
+disagree, and so does how dark it is. Carving by photo-consistency (Kutulakos & Seitz
+2000), with directions and shadows in place of colours, which change with the view.
 """
 
 import dataclasses

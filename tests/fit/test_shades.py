@@ -60,7 +60,7 @@ def view_with(grey, hair=None):
     return dataclasses.replace(view_of(camera, hair), image=image)
 
 
-def looking(view):
+def looking():
     """A photograph that sees nothing of what others see."""
     one = np.zeros(1, int)
     return Planes(np.zeros((1, 6)), np.zeros(1), np.zeros(1), (one, one))
@@ -71,7 +71,7 @@ def test_highlights_do_not_count(hull, rng):
     bright = grey > np.quantile(grey, 0.7)
     shone = np.where(bright, grey * rng.uniform(1.0, 9.0, grey.shape), grey)
     plain, lit = (
-        find_shades(hull, [view], [looking(view)])[0]
+        find_shades(hull, [view], [looking()])[0]
         for view in (view_with(grey), view_with(shone))
     )
     np.testing.assert_allclose(plain.level, lit.level, atol=1e-4)
@@ -82,7 +82,7 @@ def test_contrast_is_larger_beside_an_edge_of_a_shadow(hull):
     grey = np.full((128, 128), 0.2)
     grey[:, :50] = 0.02
     view = view_with(grey)
-    shade = find_shades(hull, [view], [looking(view)])[0]
+    shade = find_shades(hull, [view], [looking()])[0]
     assert shade.contrast[64, 50] > 5.0 * shade.contrast[64, 4]
     assert shade.contrast.min() > 0.0
     assert shade.level[64, 100] - shade.level[64, 10] == pytest.approx(
@@ -92,7 +92,7 @@ def test_contrast_is_larger_beside_an_edge_of_a_shadow(hull):
 
 def test_black_hair_without_light_is_no_error(hull):
     view = view_with(np.zeros((128, 128)))
-    shade = find_shades(hull, [view], [looking(view)])[0]
+    shade = find_shades(hull, [view], [looking()])[0]
     assert np.isfinite(shade.level).all()
     assert np.isfinite(shade.contrast).all()
 
