@@ -2,7 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from ball_hair import RADIUS, ball, hull_where, photograph, ring
+from ball_hair import RADIUS, ball, hull_where, meridian, photograph, ring
 
 from hairfit.fit.evidence import gather
 from hairfit.fit.stubble import find_stubble
@@ -93,6 +93,20 @@ def test_what_no_view_looks_at_is_no_stubble(shaved):
     ).stands
     far = shaved.grid.centres(shaved.hair)[:, 2]
     assert stands[far > 0.03].mean() > 0.95 and not stands[far < -0.03].any()
+
+
+def test_hair_combed_level_lies_on_the_skin_also_before_a_level_ring(shaved):
+    # All planes are level, or nearly: they hold the skin's normal at the sides.
+    turn = np.linspace(0.0, 2.0, 12)
+    start = np.random.default_rng(0).uniform(0.0, 2 * np.pi, 3000)
+    polar = np.linspace(np.radians(70.0), np.radians(88.0), len(start))[:, None]
+    strands = meridian(polar, start[:, None] + turn, 0.004)
+    views, maps, depths = photograph(strands, ring(8), ball())
+    found = gather(shaved, views, maps, depths)
+    normal = out_of(shaved)[0]
+    upright = np.abs((found.direction * normal).sum(1))[found.weight > 0.1]
+    assert not found.stubble.any()
+    assert len(upright) > 500 and np.median(upright) < np.sin(np.radians(15.0))
 
 
 @pytest.mark.parametrize("sure", [0.05, 0.5])
