@@ -28,7 +28,7 @@ from hairfit.evaluate.photographs import line_angle
 from hairfit.evaluate.visibility import SEE_INTO, even_strands, look
 from hairfit.fit.curls import mean_line, see_locks
 from hairfit.fit.hull import carve, pixel_sizes
-from hairfit.fit.pipeline import PRESETS
+from hairfit.fit.presets import PRESETS
 from hairfit.fit.repeats import find_pitch, repeats
 from hairfit.io.strands import load_strands
 from hairfit.render import project_points

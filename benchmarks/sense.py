@@ -20,10 +20,11 @@ from hairfit.fit.bridges import bridged
 from hairfit.fit.checkpoint import Checkpoint
 from hairfit.fit.consistency import carve_by_consistency
 from hairfit.fit.corners import carve_corners
+from hairfit.fit.cost import Quality
 from hairfit.fit.curls import see_curls
 from hairfit.fit.flow import hair_field, hair_flow
 from hairfit.fit.hull import Hull, carve
-from hairfit.fit.pipeline import PRESETS
+from hairfit.fit.presets import PRESETS
 from hairfit.fit.shots import Shots, orientation_maps, trusted_shots, wrapped_scalp
 from hairfit.fit.trust import mute_clipped
 from hairfit.io.strands import load_strands
@@ -76,7 +77,7 @@ class Start(NamedTuple):
     scalp: Scalp
 
 
-def start_of(folder: pathlib.Path, names: str, quality: str) -> Start:
+def start_of(folder: pathlib.Path, names: str, quality: Quality) -> Start:
     """Return what a fit of these photographs of a capture starts with."""
     capture = load_capture(folder, views=names)
     head, store = capture.head, Checkpoint(None)
@@ -91,7 +92,7 @@ def start_of(folder: pathlib.Path, names: str, quality: str) -> Start:
     return Start(shots, [muted[k] for k in shots.used], hull, scalp)
 
 
-def measured(folder: pathlib.Path, names: str, quality: str) -> Shares:
+def measured(folder: pathlib.Path, names: str, quality: Quality) -> Shares:
     """Return the shares of a capture, of the photographs that are named."""
     shots, maps, hull, scalp = start_of(folder, names, quality)
     views, depths = shots.views, shots.depths

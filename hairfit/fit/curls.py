@@ -3,7 +3,7 @@
 Where hair curls, what a pixel shows is the side of a turn, not the lock. Over the area
 of a turn the angles average to the lock's own direction, or nearly so; along the lock
 they repeat after a turn: `repeats` tells how long it is, and better which way the lock
-runs.
+runs. Waves repeat as well, but hardly leave their locks: they are taken as they look.
 
 Where nothing repeats, hair may still curl, too finely to be seen: maps are hardly sure
 of any direction, nor are those of smoother photographs, which show what noise hides.
@@ -74,12 +74,15 @@ class Curls(NamedTuple):
         pitch: Length of a turn in metres, 0 for what does not curl.
         maps: Orientation maps of its locks.
         told: Whether they tell which way it runs; if not, they say nothing.
+        wave: Length after which hair repeats that waves but does not curl, in metres, 0
+            for all other hair.
     """
 
     radius: float
     pitch: float
     maps: list[OrientationMap]
     told: bool
+    wave: float = 0.0
 
 
 class SeenLocks(NamedTuple):
@@ -106,7 +109,6 @@ def see_curls(
         views: The photographs.
         maps: Their orientation maps.
     """
-    straight = Curls(0.0, 0.0, list(maps), True)
     pixels = pixel_sizes(hull, views)
     few = range(0, len(views), -(-len(views) // MOST_VIEWS))
     some = [views[k] for k in few], [maps[k] for k in few]
@@ -121,7 +123,7 @@ def see_curls(
         if swing(some[1], [locks.maps[k] for k in few]) > LEAST_SWING:
             return Curls(locks.radius, pitch, locks.maps, True)
     if show_direction(*some):
-        return straight
+        return Curls(0.0, 0.0, list(maps), True, pitch or 0.0)
     mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
     return Curls(UNSEEN, PITCH * UNSEEN, mute, False)
 

@@ -52,8 +52,9 @@ from .gather import Rooted, gather_strands
 from .grow import grow, space_of, steps_on
 from .hull import Hull, carve
 from .locks import with_locks
+from .presets import PRESETS, Preset, for_waves
 from .prune import prune
-from .refine import Photographs, RefineConfig, refine
+from .refine import Photographs, refine
 from .residuals import photo_maps
 from .samples import Samples
 from .settle import settled
@@ -103,39 +104,6 @@ class FitConfig:
     then by fewer rounds of refinement. What comes out then depends on the machine."""
 
 
-class Preset(NamedTuple):
-    """What a quality means. Metres."""
-
-    spacing: float
-    guides: int
-    levels: int
-    leaves: int
-    knots: int
-    refine: RefineConfig
-    settles: bool = True
-    """Whether clusters get pieces of scalp; a few large ones would move roots far."""
-
-
-PRESETS = {
-    "draft": Preset(
-        0.005,
-        2500,
-        2,
-        200,
-        12,
-        RefineConfig(rounds=1, steps=30, strands=1200, points=16),
-        settles=False,
-    ),
-    "normal": Preset(0.003, 8000, 3, 400, 16, RefineConfig()),
-    "high": Preset(
-        0.0025,
-        12000,
-        3,
-        800,
-        20,
-        RefineConfig(rounds=4, steps=25, strands=5000, points=32),
-    ),
-}
 STRAND_POINTS = 40
 GROWN_POINTS = 40  # of a strand as it grows, before it gets the knots of a skeleton
 
@@ -334,9 +302,13 @@ def _first_tree(
         sights = coarser_sights(shots, hull)
         size = largest([sight.view for sight in sights])
         shapes = Shapes(len(views), size, hull.grid.shape, room, preset.knots)
+
+        def compile_for(knots):
+            ahead(compile_strands, room, knots, spared, STRAND_POINTS)
+            ahead(compile_refinement, shapes._replace(knots=knots), preset.refine)
+
         ahead(compile_paths, hull.grid.shape, steps_on(preset.spacing))
-        ahead(compile_strands, room, preset.knots, spared, STRAND_POINTS)
-        ahead(compile_refinement, shapes, preset.refine)
+        compile_for(preset.knots)
         ahead(compile_looks, config.strands, STRAND_POINTS, len(views), head)
         hull = carve_corners(hull, views, depths)
         all_maps = orientation_maps(
@@ -348,6 +320,9 @@ def _first_tree(
         maps = [all_maps[k] for k in shots.used]
         progress("carving by direction", 0.13)
         allowed, curls = hull, see_curls(hull, views, maps)
+        if curls.wave > 0.0:
+            preset = for_waves(preset)
+            compile_for(preset.knots)
         hull = carve_by_consistency(hull, views, maps, depths, curls.radius > 0.0)
         scalp = capture.scalp or wrapped_scalp(shots, head)
         progress("growing strands", 0.27)

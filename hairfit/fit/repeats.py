@@ -28,7 +28,7 @@ TURNS = (0.7, 0.8, 0.9, 1.0, 1.1)
 # A way whose correlation is so much less than the best one's counts an e-th of it.
 SHARP = 0.15
 # Lengths of a turn that are tried, in metres; 0 tells all.
-LAGS = np.arange(29) * 0.0025
+LAGS = np.arange(41) * 0.0025
 NEAR = 0.016  # metres; nearer than this all goes together, and tells no way
 # How far the correlation rises to the peak of a turn, and falls after it.
 PROMINENT = 0.1

@@ -3,9 +3,9 @@
 Each hair is a few pixels long, before skin and others, so that maps are hardly sure of
 it; what they are sure of beside it, or that hair lies in the surface, would decide. But
 all hairs of a place together tell which way they stand: the planes that hold them hold
-the skin's normal as well. Those of hair that lies on the skin hold it only where it runs
-as the cameras stand, a ring of them about a head whose hair is combed to the back. But
-they hold a line on the skin much better, and show it clearly.
+the skin's normal as well. Those of hair that lies on the skin hold it only where it
+runs as the cameras stand, a ring of them about a head whose hair is combed to the back.
+But they hold a line on the skin much better, and show it clearly.
 """
 
 from typing import NamedTuple

@@ -76,9 +76,23 @@ def test_hair_that_does_not_curl_has_no_radius():
     assert radius_of(*seen(curtain(0.0018, 0.045))) == 0.0
 
 
+@pytest.mark.parametrize(("radius", "length"), [(0.0018, 0.045), (0.0026, 0.065)])
+def test_hair_that_waves_tells_how_long_a_wave_is(radius, length):
+    views, maps = seen(curtain(radius, length))
+    found = see_curls(HULL, views, maps)
+    assert found.radius == 0.0 and found.wave == pytest.approx(length, rel=0.05)
+    assert found.maps[0] is maps[0]
+
+
+def test_neither_curls_nor_a_bend_are_waves():
+    assert see_curls(HULL, *seen(curtain(0.005, 0.03))).wave == 0.0
+    assert see_curls(HULL, *seen(curtain(bend=0.03))).wave == 0.0
+
+
 def test_straight_hair_is_taken_as_it_looks():
     views, maps = seen(curtain())
     found = see_curls(HULL, views, maps)
+    assert found.wave == 0.0
     assert found.told and all(a is b for a, b in zip(found.maps, maps, strict=True))
 
 

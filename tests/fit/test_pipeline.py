@@ -15,7 +15,8 @@ from hairfit.fit.branches import ROUNDS
 from hairfit.fit.curls import Curls
 from hairfit.fit.derive import derive_strands
 from hairfit.fit.grow import AT_ONCE
-from hairfit.fit.pipeline import PRESETS, STRAND_POINTS, Preset
+from hairfit.fit.pipeline import STRAND_POINTS
+from hairfit.fit.presets import PRESETS, Preset
 from hairfit.fit.refine import RefineConfig
 from hairfit.model.tree import leaves, levels
 from hairfit.render import mesh_depth, rasterise
@@ -152,6 +153,18 @@ def test_strands_of_curly_hair_curl(fitted, capture, monkeypatch):
     curls = find_curls(result.strands)
     assert curls.curled.mean() > 0.9
     assert np.median(curls.radius[curls.curled]) == pytest.approx(0.004, rel=0.15)
+
+
+@pytest.mark.slow
+def test_skeletons_of_wavy_hair_have_twice_the_knots(fitted, capture, monkeypatch):
+    monkeypatch.setattr(
+        pipeline,
+        "see_curls",
+        lambda _, views, maps, *__: Curls(0.0, 0.0, list(maps), True, wave=0.04),
+    )
+    wavy, straight = fit_capture(capture, CONFIG).tree, fitted[0].tree
+    assert straight.cylinder.skeleton.shape[1] == COARSE.knots
+    assert wavy.cylinder.skeleton.shape[1] == 2 * COARSE.knots
 
 
 @pytest.mark.slow
