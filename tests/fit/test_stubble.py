@@ -105,7 +105,7 @@ def test_hair_combed_level_lies_on_the_skin_also_before_a_level_ring(shaved):
     found = gather(shaved, views, maps, depths)
     normal = out_of(shaved)[0]
     upright = np.abs((found.direction * normal).sum(1))[found.weight > 0.1]
-    assert not found.stubble.any()
+    assert found.stubble is not None and not found.stubble.any()
     assert len(upright) > 500 and np.median(upright) < np.sin(np.radians(15.0))
 
 
