@@ -72,7 +72,8 @@ def find_stubble(
     normal = uphill(hull.head)[hull.hair]
     missed = np.einsum("vi,vij,vj->v", normal, planes, normal)
     stands = short & (around(missed) < STANDING * around(total))
-    stands &= around(looks) > LOOKED_AT * around(1.0)
+    looked = around(looks)
+    stands &= looked > LOOKED_AT * around(1.0)
     if not stands.any():
         return Stubble(stands, np.zeros((0, 3)))
     mean = np.zeros((int(stands.sum()), 3, 3))
@@ -86,7 +87,7 @@ def find_stubble(
     lying = np.linalg.eigvalsh(aside @ mean @ aside + size * upright)[:, 0]
     told = (mean * upright).sum(axis=(1, 2)) < LYING * lying
     size = size[:, 0, 0]
-    faint = size < FAINT * around(looks)[stands]
+    faint = size < FAINT * looked[stands]
     told |= faint & (np.linalg.eigvalsh(mean)[:, 1] < ONE_PLANE * size)
     stands[stands] = told
     tilted = mean[told] + UPRIGHT * size[told, None, None] * aside[told]
