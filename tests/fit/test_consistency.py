@@ -7,9 +7,11 @@ from ball_hair import camera_at, hull_where, view_of
 from hairfit.capture.orientation import SIGMA_SURE, OrientationMap
 from hairfit.fit.consistency import (
     BESIDE,
+    Contradictions,
     carve_by_consistency,
     contradictions,
     unsure_of_place,
+    usual_shade,
 )
 from hairfit.fit.shades import Shade
 from hairfit.render.raster import project_points
@@ -192,3 +194,26 @@ def test_the_error_of_a_place_grows_by_what_hair_turns_within_a_millimetre():
         found.confidence[inner], (SIGMA_SURE / expected) ** 2, rtol=0.05
     )
     assert (found.confidence[~hair] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("turned", "trusted"), [(1.0, True), (0.7, True), (0.3, False)]
+)
+def test_shades_are_trusted_unless_directions_agree_where_they_would_cut(
+    turned, trusted
+):
+    rng = np.random.default_rng(0)
+    shaded = rng.uniform(0.1, 4.0, (20, 20, 20))
+    shaded[:, :, 15:] += 5.0
+    unlike = shaded > 2.0 * np.median(shaded)
+    found = Contradictions(np.where(unlike, turned, 1.0), shaded)
+    everywhere = np.ones(shaded.shape, bool)
+    usual = usual_shade(found, everywhere, everywhere)
+    assert usual == (np.median(shaded) if trusted else np.inf)
+
+
+def test_shades_that_nobody_compares_cut_nothing():
+    nothing = np.zeros((4, 4, 4))
+    everywhere = np.ones(nothing.shape, bool)
+    found = Contradictions(nothing, nothing)
+    assert usual_shade(found, everywhere, everywhere) == np.inf
