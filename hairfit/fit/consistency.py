@@ -31,8 +31,8 @@ from .shades import Shade, find_shades
 
 INCONSISTENT = 1.5  # disagreement over the expected one from which on there is no hair
 UNLIKE = 2.0  # times as unlike as usual, likewise; each layer takes one time more
-# Directions agree where shades would cut by so much better than elsewhere: these are no
-# shadows, but thin hair before a bright background. 0.65 and more on other heads, 0.46.
+# Where directions contradict each other so much less than elsewhere, what shades would
+# cut is hair: thin, before something bright, it had 0.46; other heads 0.65 and more.
 DOUBTED = 0.55
 AROUND = 0.006  # metres: one voxel says little, those around it decide together
 DEEP = 0.015  # metres within the surface in which voxels are asked
@@ -73,15 +73,15 @@ def carve_by_consistency(
     places = places[:: -(-len(places) // MOST_PLACES)]
     see = partial(find_planes, walls_of(hull), places)
     shades = find_shades(hull, views, list(abreast(see, views, maps, depths)))
-    usual = 0.0
+    usual, far = 0.0, hull.head > BARE
     for sweep in range(SWEEPS):
         surface = surface_of(hull)
         found = contradictions(hull, views, maps, depths, shades)
         turned, shaded = found
-        usual = usual or usual_shade(found, surface, hull.head > BARE)
+        usual = usual or usual_shade(found, surface, far)
         # What was cut by mistake leaves what looks as bad behind it.
         unlike = shaded > (UNLIKE + sweep) * usual
-        cut = surface & ((turned > INCONSISTENT) | (unlike & (hull.head > BARE)))
+        cut = surface & ((turned > INCONSISTENT) | (unlike & far))
         left = hull.hair & ~cut
         # No hull is worse than one that is too wide; what is whole is measured already.
         if not left.any() or not cut.any():
