@@ -35,6 +35,7 @@ UNLIKE = 2.0  # times as unlike as usual, likewise; each layer takes one time mo
 # cut is hair: thin, before something bright, it had 0.46; other heads 0.65 and more.
 DOUBTED = 0.55
 AROUND = 0.006  # metres: one voxel says little, those around it decide together
+LEAST_AROUND = 2.0  # voxels; a single large one is partly air, and differs by itself
 DEEP = 0.015  # metres within the surface in which voxels are asked
 LEAST_KNOWN = 0.05  # share of the voxels around that three views must see
 LEAST_FREEDOM = 0.1  # views beyond the two that always agree
@@ -217,7 +218,7 @@ def ratio_around(
     free: Float[np.ndarray, " voxels"],
     least: float = 0.0,
 ) -> Float[np.ndarray, "x y z"]:
-    """Return what was found over what was to be expected, in places as large as AROUND.
+    """Return what was found over what was to be expected, in places of some voxels.
 
     Args:
         hull: The hull.
@@ -227,7 +228,8 @@ def ratio_around(
         free: How many views see it more than are always explained.
         least: How many that must be, in the mean; 0 is said where they are fewer.
     """
-    asked, around = free > LEAST_FREEDOM, AROUND / hull.grid.spacing
+    around = max(AROUND / hull.grid.spacing, LEAST_AROUND)
+    asked = free > LEAST_FREEDOM
     values = np.where(asked, (found, expected, free, 1.0 * asked), 0.0)
     sums = abreast(lambda one: blurred(near, one, around), values)
     found, expected, free, known = sums

@@ -10,6 +10,7 @@ from hairfit.fit.consistency import (
     Contradictions,
     carve_by_consistency,
     contradictions,
+    ratio_around,
     unsure_of_place,
     usual_shade,
 )
@@ -194,6 +195,17 @@ def test_the_error_of_a_place_grows_by_what_hair_turns_within_a_millimetre():
         found.confidence[inner], (SIGMA_SURE / expected) ** 2, rtol=0.05
     )
     assert (found.confidence[~hair] == 0.0).all()
+
+
+@pytest.mark.parametrize("spacing", [0.002, 0.006])
+def test_one_voxel_decides_nothing_however_large_it_is(spacing):
+    hull = hull_where(lambda p: p[:, 0] < 1, [0] * 3, [21 * spacing] * 3, spacing)
+    near = np.ones(hull.hair.shape, bool)
+    same = np.ones(near.size)
+    odd = np.where(np.arange(near.size) == near.size // 2, 20.0, 1.0)
+    found = ratio_around(hull, near, odd, same, same)
+    # A voxel has this share of a Gaussian of two voxels.
+    assert found.max() < 1.01 * (1.0 + 19.0 * (2.0 * np.pi * 2.0**2) ** -1.5)
 
 
 @pytest.mark.parametrize(
