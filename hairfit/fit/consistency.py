@@ -78,11 +78,10 @@ def carve_by_consistency(
     for sweep in range(SWEEPS):
         surface = surface_of(hull)
         found = contradictions(hull, views, maps, depths, shades)
-        turned, shaded = found
         usual = usual or usual_shade(found, surface, far)
         # What was cut by mistake leaves what looks as bad behind it.
-        unlike = shaded > (UNLIKE + sweep) * usual
-        cut = surface & ((turned > INCONSISTENT) | (unlike & far))
+        unlike = found.shaded > (UNLIKE + sweep) * usual
+        cut = surface & ((found.turned > INCONSISTENT) | (unlike & far))
         left = hull.hair & ~cut
         # No hull is worse than one that is too wide; what is whole is measured already.
         if not left.any() or not cut.any():
