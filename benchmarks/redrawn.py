@@ -2,8 +2,9 @@
 
 Run `python benchmarks/redrawn.py RESULT [RESULT ...]`, with results of `hairfit fit`
 whose captures are where they were. Prints for each the mean absolute difference between
-`preview/` and the photographs within the hair's masks, both without their finest
-texture, in sRGB levels of 255; and the colour that the hair was found to have.
+`preview/` and the photographs within the hair's masks and on the head beside, both
+without their finest texture, in sRGB levels of 255; and the colour that the hair was
+found to have.
 """
 
 import argparse
@@ -16,7 +17,9 @@ from scipy import ndimage
 from hairfit.capture import load_capture
 from hairfit.capture.capture import View
 from hairfit.capture.photos import read_photo, srgb_from_linear
+from hairfit.render import mesh_depth
 from hairfit.report.result import captured_from, read_report
+from hairfit.types import Mesh
 
 SMOOTH = 2.0  # pixels of a preview
 
@@ -29,23 +32,41 @@ def main() -> None:
         report, folder = read_report(result), captured_from(result)
         if folder is None:
             parser.error(f"the capture of '{result}' is gone; put it where it was.")
-        views = load_capture(folder, ",".join(report["views"])).views
-        off = np.mean([difference(result, view) for view in views])
+        capture = load_capture(folder, ",".join(report["views"]))
+        views, head = capture.views, capture.head
+        off = np.nanmean([differences(result, view, head) for view in views], axis=0)
         looks = report["looks"]
         colour = "unknown" if looks is None else np.round(looks["linear_rgb"], 3)
         print(
-            f"{result.name}: off by {off:.1f} of 255, linear RGB {colour}", flush=True
+            f"{result.name}: off by {off[0]:.1f} of 255, the head by {off[1]:.1f}, "
+            f"linear RGB {colour}",
+            flush=True,
         )
 
 
-def difference(result: pathlib.Path, view: View) -> float:
-    """Return how far one photograph drawn again is from the photograph, in levels."""
+def differences(
+    result: pathlib.Path, view: View, head: Mesh | None
+) -> tuple[float, float]:
+    """Return how far a photograph drawn again is off where it shows hair, and the head.
+
+    In levels; not a number where nothing is seen.
+    """
     drawn = srgb_from_linear(read_photo(result / "preview" / f"{view.name}.png"))
     drawn = ndimage.gaussian_filter(drawn, (SMOOTH, SMOOTH, 0))
-    share = drawn.shape[0] / view.image.shape[0]
-    photo = smaller(srgb_from_linear(view.image), share, drawn.shape[:2])
-    mask = smaller(view.hair[..., None].astype(np.float64), share, drawn.shape[:2])
-    return float(255.0 * np.abs(drawn - photo)[mask[..., 0] > 0.5].mean())
+    share, shape = drawn.shape[0] / view.image.shape[0], drawn.shape[:2]
+    off = np.abs(drawn - smaller(srgb_from_linear(view.image), share, shape))
+    hair = view.hair.astype(np.float64)
+    bare = np.zeros_like(hair)
+    if head is not None:
+        bare = (np.isfinite(mesh_depth(head, view.camera)) & ~view.hair).astype(float)
+    parts = smaller(np.stack([hair, bare], axis=-1), share, shape)
+    # Whole pixels of the head alone: beside hair and background both may be off.
+    parts = parts > [0.5, 0.99]
+    levels = [
+        255.0 * off[part].mean() if part.any() else np.nan
+        for part in np.moveaxis(parts, -1, 0)
+    ]
+    return levels[0], levels[1]
 
 
 def smaller(

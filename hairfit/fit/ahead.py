@@ -29,7 +29,8 @@ from ..render.lights import DistantLight
 from ..render.lit import light_at, number
 from ..render.scene import HairLook, Scene, head_places
 from ..types import Mesh
-from .appearance import CASTING, LIGHTS, LIT, PIXELS, SHADOWS, both_terms, some_of
+from .appearance import CASTING, LIGHTS, LIT, SHADOWS, both_terms, some_of
+from .bare import PIXELS
 from .cluster import scalp_metric
 from .cylinders import cylinders_along
 from .density import TEXELS
@@ -134,8 +135,7 @@ def compile_looks(strands: int, points: int, views: int, head: Mesh) -> None:
     scene = Scene(few, look=HairLook(width=1e-4), head=head, shadows=SHADOWS)
     lamp = DistantLight(on_device(np.array([0.0, 1.0, 0.0])), jnp.ones(3))
     pixels = np.zeros((views * PIXELS, 3))
-    for places in (pixels, head_places(head)):
-        light_at(places, scene, (lamp,))
+    light_at(np.concatenate([pixels, head_places(head)]), scene, (lamp,))
     tangents, ways = on_device(pixels, number()), zeros(LIGHTS, 3, dtype=number())
     both_terms(tangents, ways, tangents)
 

@@ -5,7 +5,6 @@ in light from each of many directions, shadowed by hair and head, is known once 
 is; what shone from where, and the colour of the hair, follow by least squares.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -21,24 +20,24 @@ from ..evaluate.coverage import narrowest_width
 from ..evaluate.visibility import Sight
 from ..host import on_device
 from ..render.lights import DistantLight
-from ..render.lit import head_radiance, light_at, number
-from ..render.raster import cells, project_points, rasterise, unit
-from ..render.scene import OUTSIDE, Colour, HairLook, Scene, head_places
+from ..render.lit import light_at, number
+from ..render.raster import rasterise, unit
+from ..render.scene import Colour, HairLook, Scene, head_places
 from ..render.shading import Fibre, kajiya_kay
 from ..render.shadow_style import ShadowStyle
 from ..render.studio import shared_width, sky_lights
 from ..types import Mesh
+from .bare import CLIPPED, PIXELS, Bare, bare_pixels
 
-PIXELS = 500  # of each photograph
 LIT = 6000  # strands of a fit whose light is compared with photographs
 CASTING = 3000  # strands that cast shadows
 SHADOWS = ShadowStyle(size=128, slices=24)
 SMOOTH = 2.0  # pixels: single hairs of the photograph are not those of the fit
-CLIPPED = 0.95  # linear: what is brighter may be any brighter
 LIGHTS = 18  # directions from which light may come
 SHININESS = (3.0, 8.0, 20.0, 50.0)
 ROUNDS = 12
 DARK = 0.3  # of the mean brightness, added where errors are made relative
+HEAD_COUNTS = 2.0  # a pixel of the head, against one of hair
 OUTLIER = 1.5  # medians of the error beyond which a pixel counts less
 BRIGHT = 99.0  # per cent of a photograph that is no brighter than white
 WHITE = 0.9  # what white paper sends back
@@ -46,7 +45,6 @@ LEAST_SHARE = 0.06  # of all light; weaker lights become sky
 BRIGHTEST_EXPOSURE = 4.0  # photographs are exposed within so many times the mean
 FEWEST = 50  # pixels of hair without which nothing is known of its looks
 LIGHTEST_SKIN = 0.7  # what skin sends back at most of a colour
-BESIDE_HAIR = 4  # pixels beside hair that may still be hair
 
 
 class Appearance(NamedTuple):
@@ -112,6 +110,7 @@ class Lit(NamedTuple):
         diffuse: Brightness of white hair in each light, shadowed.
         mirror: The cosine of which a power is the highlight; 0 where it is negative.
         share: How much of each light arrives.
+        bare: What is seen of the head beside.
     """
 
     seen: Float[np.ndarray, "pixels 3"]
@@ -119,6 +118,7 @@ class Lit(NamedTuple):
     diffuse: Float[np.ndarray, "pixels lights"]
     mirror: Float[np.ndarray, "pixels lights"]
     share: Float[np.ndarray, "pixels lights"]
+    bare: Bare
 
 
 def find_appearance(
@@ -151,7 +151,7 @@ def find_appearance(
     white = max(float(np.median(bright)), 1e-3) / WHITE
     best = best._replace(to_light=ways, total_width=total_width)
     looks = tidied(best, white)
-    skin = skin_colour(looks, sights, scene)
+    skin = skin_colour(looks, lit.bare, ways)
     if skin is None:
         return looks
     # More light, where a head would otherwise have to send back more than skin does.
@@ -198,45 +198,44 @@ def light_pixels(
         seen.append(smooth[y[some], x[some]])
         view.append(np.full(len(some), k))
     at = np.concatenate(places)
-    if len(at) < FEWEST:
+    count = len(at)
+    if count < FEWEST:
         return None
+    if scene.head is not None:
+        at = np.concatenate([at, head_places(scene.head)])
     lights = tuple(DistantLight(on_device(way), jnp.ones(3)) for way in ways)
     share = np.asarray(light_at(at, scene, lights).radiance)[..., 0].T
+    bare = bare_pixels(scene.head, sights, ways, share[count:], rng)
+    share = share[:count]
     given = unit(np.concatenate(tangents)), ways, unit(np.concatenate(eyes))
     sent = both_terms(*(on_device(part, number()) for part in given))
     diffuse, mirror = (np.asarray(part, np.float64) for part in sent)
     return Lit(
-        np.concatenate(seen), np.concatenate(view), share * diffuse, mirror, share
+        np.concatenate(seen),
+        np.concatenate(view),
+        share * diffuse,
+        mirror,
+        share,
+        bare,
     )
 
 
 def skin_colour(
-    looks: Appearance, sights: Sequence[Sight], scene: Scene
+    looks: Appearance, bare: Bare, ways: Float[np.ndarray, "lights 3"]
 ) -> Colour | None:
-    """Return the colour of a matt head that explains what is seen of it, or None."""
-    if scene.head is None:
+    """Return the colour of a matt head that explains what is seen of it, or None.
+
+    Args:
+        looks: The lights, which are some of those of `ways`, the sky and the exposures.
+        bare: What is seen of the head, in light from `ways`.
+        ways: Unit vectors towards lights.
+    """
+    if len(bare.seen) < FEWEST:
         return None
-    white = dataclasses.replace(scene, skin=(1.0, 1.0, 1.0), sky=(looks.sky,) * 3)
-    places = head_places(scene.head)
-    arrived = light_at(places, scene, looks.lights)
-    found = []
-    for (photo, behind), gain in zip(sights, looks.exposure, strict=True):
-        if behind is None:
-            continue
-        shade = gain * head_radiance(white, arrived, np.asarray(photo.camera.centre))
-        pixels = project_points(places, photo.camera)
-        y, x, inside = cells(pixels, photo.camera.width, photo.camera.height)
-        hair = np.asarray(
-            ndimage.binary_dilation(photo.hair, iterations=BESIDE_HAIR), bool
-        )
-        free = inside & ~hair[y, x] & (pixels.depth < behind[y, x] + OUTSIDE)
-        bright = photo.image[y[free], x[free]]
-        ratio = bright / np.maximum(shade[free], 1e-3)
-        found.append(ratio[bright.max(axis=-1) < CLIPPED])
-    known = np.concatenate(found) if found else np.zeros((0, 3))
-    if len(known) < FEWEST:
-        return None
-    return as_colour(np.median(known, axis=0))
+    some = np.argmax(looks.to_light @ ways.T, axis=1)
+    shade = bare.shade[:, some] @ looks.strength + looks.sky * bare.sky
+    shade = looks.exposure[bare.view] * shade
+    return as_colour(np.median(bare.seen / np.maximum(shade, 1e-3)[:, None], axis=0))
 
 
 @jax.jit
@@ -274,49 +273,55 @@ def solve(lit: Lit, views: int, shininess: float) -> Appearance:
     """Return the looks and lights of one exponent that come closest, by turns.
 
     Light, looks and exposures each by non-negative least squares, errors relative to
-    the brightness, pixels far off counting less.
+    the brightness, pixels far off counting less. The head is lit by the same light.
     """
-    seen = lit.seen
+    bare, hair = lit.bare, len(lit.seen)
+    seen = np.concatenate([lit.seen, bare.seen])
+    view = np.concatenate([lit.view, bare.view])
     highlight = lit.share * lit.mirror**shininess
-    rough = DARK * seen.mean() + seen.mean(axis=1, keepdims=True)
-    weight = 1.0 / np.broadcast_to(rough, seen.shape)
-    colour = seen.mean(axis=0) / seen.mean()
+    level = float(lit.seen.mean())
+    on_head = bare.seen.sum(axis=0) / max(len(bare.seen), 1)
+    # A head may be all black.
+    head_level = max(float(on_head.mean()), level)
+    weight = np.concatenate(
+        [relative(lit.seen, level), HEAD_COUNTS * relative(bare.seen, head_level)]
+    )
+    colour, skin = lit.seen.mean(axis=0) / level, on_head / level
     specular = 0.1 * colour
     exposure, robust = np.ones(views), np.ones(len(seen))
     power, sky, error = np.zeros(lit.share.shape[1]), 0.0, np.inf
     for _ in range(ROUNDS):
-        gain = exposure[lit.view]
+        gain = exposure[view]
         w = weight * robust[:, None] ** 0.5
         # What shines: each column is one light, the last the sky.
-        columns = np.concatenate(
-            [
-                (gain * w[:, k])[:, None]
-                * np.concatenate(
-                    [
-                        colour[k] * lit.diffuse + specular[k] * highlight,
-                        np.full((len(seen), 1), colour[k]),
-                    ],
-                    axis=1,
-                )
-                for k in range(3)
-            ]
-        )
-        found = least_squares(columns, (w * seen).T.ravel())
+        columns = []
+        for k in range(3):
+            strands = colour[k] * lit.diffuse + specular[k] * highlight
+            lights = np.concatenate([strands, skin[k] * bare.shade])
+            around = np.concatenate([np.full(hair, colour[k]), skin[k] * bare.sky])
+            both = np.concatenate([lights, around[:, None]], axis=1)
+            columns.append((gain * w[:, k])[:, None] * both)
+        found = least_squares(np.concatenate(columns), (w * seen).T.ravel())
         power, sky = found[:-1], float(found[-1])
-        # What hair sends back of it, channel by channel.
+        # What hair sends back of it, channel by channel, and the head.
         sent = np.stack([lit.diffuse @ power + sky, highlight @ power], axis=1)
-        sent *= gain[:, None]
+        sent *= gain[:hair, None]
+        own = w[:hair]
         looks = [
-            least_squares(w[:, [k]] * sent, w[:, k] * seen[:, k]) for k in range(3)
+            least_squares(own[:, [k]] * sent, own[:, k] * lit.seen[:, k])
+            for k in range(3)
         ]
         colour, specular = np.stack(looks, axis=1)
-        model = sent @ np.stack([colour, specular])
-        exposure = exposures(lit.view, model / gain[:, None] * w, seen * w, views)
-        model *= (exposure[lit.view] / gain)[:, None]
+        matt = gain[hair:] * (bare.shade @ power + sky * bare.sky)
+        skin = ratio(matt[:, None] * w[hair:], bare.seen * w[hair:])
+        model = np.concatenate(
+            [sent @ np.stack([colour, specular]), matt[:, None] * skin]
+        )
+        exposure = exposures(view, model / gain[:, None] * w, seen * w, views)
+        model *= (exposure[view] / gain)[:, None]
         off = np.sqrt(np.mean((weight * (model - seen)) ** 2, axis=1))
-        scale = OUTLIER * float(np.median(off)) + 1e-9
-        robust = 1.0 / (1.0 + (off / scale) ** 2)
-        error = float(np.sqrt(np.average(off**2, weights=robust)))
+        robust = np.concatenate([reliance(off[:hair]), reliance(off[hair:])])
+        error = float(np.sqrt(np.average(off[:hair] ** 2, weights=robust[:hair])))
     return Appearance(
         as_colour(colour),
         as_colour(specular),
@@ -327,6 +332,34 @@ def solve(lit: Lit, views: int, shininess: float) -> Appearance:
         exposure,
         error,
     )
+
+
+def relative(
+    seen: Float[np.ndarray, "pixels 3"], level: float
+) -> Float[np.ndarray, "pixels 3"]:
+    """Return by what errors are multiplied, so that they are relative to brightness.
+
+    Args:
+        seen: What the photographs show, linear RGB.
+        level: A usual brightness; what is much darker counts as somewhat brighter.
+    """
+    rough = DARK * level + seen.mean(axis=1, keepdims=True)
+    return 1.0 / np.broadcast_to(rough, seen.shape)
+
+
+def reliance(off: Float[np.ndarray, " pixels"]) -> Float[np.ndarray, " pixels"]:
+    """Return how much pixels count that are off by so much."""
+    if not len(off):
+        return off
+    scale = OUTLIER * float(np.median(off)) + 1e-9
+    return 1.0 / (1.0 + (off / scale) ** 2)
+
+
+def ratio(
+    model: Float[np.ndarray, "pixels 3"], seen: Float[np.ndarray, "pixels 3"]
+) -> Float[np.ndarray, " 3"]:
+    """Return by what to multiply each channel of a model to come closest."""
+    return (model * seen).sum(axis=0) / np.maximum((model**2).sum(axis=0), 1e-12)
 
 
 def as_colour(values: Float[np.ndarray, " 3"]) -> Colour:

@@ -280,14 +280,26 @@ def head_radiance(
         eye: Where the eye is, in metres.
     """
     assert scene.head is not None
-    normal = vertex_normals(scene.head)
-    places = head_places(scene.head)
-    # Meshes of artists have faces that are turned inside out.
-    away = np.einsum("ij,ij->i", normal, eye - places) < 0.0
-    normal[away] *= -1.0
-    total = np.asarray(scene.sky) * (0.75 + 0.25 * normal[:, 1:2])
+    normal = normals_to(scene.head, eye)
+    total = np.asarray(scene.sky) * from_sky(normal)[:, None]
     ways, radiance = (np.asarray(x, np.float64) for x in arrived)
     for way, light in zip(ways, radiance, strict=True):
         facing = np.maximum(np.einsum("ij,ij->i", normal, way), 0.0)
         total = total + facing[:, None] * light
     return np.asarray(scene.skin) * total
+
+
+def normals_to(
+    head: Mesh, eye: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, "vertices 3"]:
+    """Return the unit normals of a head's vertices, on the side that an eye sees."""
+    normal = vertex_normals(head)
+    # Meshes of artists have faces that are turned inside out.
+    away = np.einsum("ij,ij->i", normal, eye - head_places(head)) < 0.0
+    normal[away] *= -1.0
+    return normal
+
+
+def from_sky(normal: Float[np.ndarray, "places 3"]) -> Float[np.ndarray, " places"]:
+    """Return what white matt places send back of light from all sides."""
+    return 0.75 + 0.25 * normal[:, 1]

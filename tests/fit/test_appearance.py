@@ -21,14 +21,21 @@ from hairfit.fit.appearance import (
     solve,
     tidied,
 )
+from hairfit.fit.bare import CLIPPED, PIXELS, Bare, bare_pixels
 from hairfit.render import mesh_depth
 from hairfit.render.lights import DistantLight
+from hairfit.render.lit import light_at
 from hairfit.render.picture import Pictures
-from hairfit.render.scene import Background, HairLook, Scene
+from hairfit.render.scene import Background, HairLook, Scene, head_places
 from hairfit.render.studio import shown_width
 
 COLOUR = np.array([0.22, 0.10, 0.05])
 KEY = np.array([0.8, 0.5, 0.33])
+
+
+def no_head(lights):
+    """Return what is seen of a head that no photograph shows."""
+    return Bare(np.zeros((0, 3)), np.zeros(0, int), np.zeros((0, lights)), np.zeros(0))
 
 
 def known(rng, pixels=900, lights=6, views=3):
@@ -41,7 +48,7 @@ def known(rng, pixels=900, lights=6, views=3):
     even = exposure[view] * (share * diffuse @ power + sky)
     glint = exposure[view] * (share * mirror**8.0 @ power)
     seen = even[:, None] * COLOUR + glint[:, None] * specular
-    lit = Lit(seen, view, share * diffuse, mirror, share)
+    lit = Lit(seen, view, share * diffuse, mirror, share, no_head(lights))
     return lit, power, sky, exposure, specular
 
 
@@ -56,6 +63,47 @@ def test_light_colour_and_exposures_are_found_where_the_model_holds():
     assert np.allclose(found.strength, power / scale, atol=0.04 / scale)
     assert np.isclose(found.sky, sky / scale, rtol=0.15)
     assert np.allclose(found.exposure, exposure, rtol=0.02)
+
+
+def test_a_head_tells_lights_that_hair_does_not():
+    """Hair sends back the same of three lights, and half of what arrives is wrong."""
+    rng = np.random.default_rng(4)
+    lit, power, sky, exposure, _ = known(rng)
+    alike = lit.diffuse.copy()
+    alike[:, 2:] = alike[:, 2:].mean(axis=1, keepdims=True)
+    plain = exposure[lit.view] * (alike @ power + sky)
+    noise = rng.lognormal(0.0, 0.3, (len(plain), 1))
+    dull = np.zeros_like(lit.mirror)
+    hair = lit._replace(
+        seen=noise * plain[:, None] * COLOUR, diffuse=alike, mirror=dull
+    )
+    skin, places = np.array([0.6, 0.4, 0.3]), 300
+    shade, around = rng.uniform(0.0, 1.0, (places, 6)), rng.uniform(0.5, 1.0, places)
+    view = np.arange(places) % 3
+    bright = exposure[view] * (shade @ power + sky * around)
+    bare = Bare(bright[:, None] * skin, view, shade, around)
+    alone, both = (solve(one, 3, 8.0) for one in (hair, hair._replace(bare=bare)))
+    lights = [one.strength * power[0] / one.strength[0] for one in (alone, both)]
+    assert np.allclose(lights[1], power, atol=0.02)
+    assert not np.allclose(lights[0], power, atol=0.2)
+    assert np.allclose(both.exposure, exposure, rtol=0.01)
+    ways = np.concatenate([np.eye(3), -np.eye(3)])
+    found = skin_colour(both._replace(to_light=ways), bare, ways)
+    assert found is not None
+    assert np.allclose(np.array(found) * both.strength[0], skin * power[0], rtol=0.02)
+
+
+def test_what_is_not_the_head_counts_little():
+    """A quarter of what the mesh covers wears a shirt."""
+    rng = np.random.default_rng(5)
+    lit, power, _, exposure, _ = known(rng)
+    shade, view = rng.uniform(0.0, 1.0, (400, 6)), np.arange(400) % 3
+    seen = (exposure[view] * (shade @ power + 0.15))[:, None] * [0.6, 0.4, 0.3]
+    seen[::4] = [0.02, 0.05, 0.3]
+    found = solve(lit._replace(bare=Bare(seen, view, shade, np.ones(400))), 3, 8.0)
+    scale = found.colour[0] / COLOUR[0]
+    assert np.allclose(scale * found.strength, power, atol=0.05)
+    assert np.allclose(found.exposure, exposure, rtol=0.03)
 
 
 def test_a_wrong_exponent_explains_less():
@@ -133,9 +181,13 @@ def photographs():
     pictures, sights = Pictures(scene), []
     for k, camera in enumerate(ring(4)):
         drawn = np.asarray(pictures.draw_linear(camera), np.float64)
-        empty = dataclasses.replace(scene, strands=strands[:0])
-        bare = np.asarray(Pictures(empty).draw_linear(camera), np.float64)
-        hair = np.abs(drawn - bare)[..., :3].max(axis=-1) > 0.02
+        # Where hair covers most of a white head; on the black one it is hardly seen.
+        white = dataclasses.replace(scene, skin=(1.0, 1.0, 1.0), sky=(1.0, 1.0, 1.0))
+        haired, bare = (
+            np.asarray(Pictures(one).draw_linear(camera), np.float64)[..., :3]
+            for one in (white, dataclasses.replace(white, strands=strands[:0]))
+        )
+        hair = np.abs(haired - bare).max(axis=-1) > 0.3
         hair = ndimage.binary_erosion(hair, iterations=3)
         view = View(f"{k:02}", camera, drawn[..., :3], hair)
         sights.append(Sight(view, mesh_depth(ball(), camera)))
@@ -176,19 +228,44 @@ def test_the_colour_of_a_bare_head_is_found_in_known_light():
         image = 1.5 * np.asarray(pictures.draw_linear(camera), np.float64)[..., :3]
         view = View(f"{k:02}", camera, image, np.zeros(image.shape[:2], bool))
         sights.append(Sight(view, mesh_depth(ball(), camera)))
+    way = KEY[None] / np.linalg.norm(KEY)
     looks = Appearance(
-        (0.2, 0.1, 0.05), (0.0, 0.0, 0.0), 8.0, KEY[None], np.array([0.7]), 0.1,
+        (0.2, 0.1, 0.05), (0.0, 0.0, 0.0), 8.0, way, np.array([0.7]), 0.1,
         np.full(3, 1.5), 0.1,
     )  # fmt: skip
-    found = skin_colour(looks, sights, scene)
+    ways = np.concatenate([-way, way])
+    places = head_places(ball())
+    share = np.asarray(light_at(places, scene, (light,)).radiance)[..., 0].T / 0.7
+    share = np.concatenate([np.zeros_like(share), share], axis=1)
+
+    def seen_of(head, sights):
+        rng = np.random.default_rng(0)
+        return bare_pixels(head, sights, ways, share, rng)
+
+    bare = seen_of(ball(), sights)
+    assert len(bare.seen) == 3 * PIXELS and (bare.seen.max(axis=1) < CLIPPED).all()
+    found = skin_colour(looks, bare, ways)
     assert found is not None and np.allclose(found, skin, rtol=0.03)
-    bare = dataclasses.replace(scene, head=None)
-    assert skin_colour(looks, sights, bare) is None
+    assert skin_colour(looks, seen_of(None, sights), ways) is None
     all_hair = [
         Sight(dataclasses.replace(view, hair=np.ones_like(view.hair)), behind)
         for view, behind in sights
     ]
-    assert skin_colour(looks, all_hair, scene) is None
+    assert skin_colour(looks, seen_of(ball(), all_hair), ways) is None
+    half = np.arange(sights[0].view.hair.shape[1]) < sights[0].view.hair.shape[1] // 2
+    painted = [
+        Sight(
+            dataclasses.replace(
+                view,
+                hair=view.hair | half,
+                image=np.where(half[:, None], [0.0, 0.9, 0.0], view.image),
+            ),
+            behind,
+        )
+        for view, behind in sights
+    ]
+    some = seen_of(ball(), painted)
+    assert len(some.seen) and (some.seen[:, 1] < 0.9).all()
 
 
 def test_more_light_and_less_colour_are_the_same_picture():
