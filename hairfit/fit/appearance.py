@@ -306,14 +306,9 @@ def solve(lit: Lit, views: int, shininess: float) -> Appearance:
         # What hair sends back of it, channel by channel, and the head.
         sent = np.stack([lit.diffuse @ power + sky, highlight @ power], axis=1)
         sent *= gain[:hair, None]
-        own = w[:hair]
-        looks = [
-            least_squares(own[:, [k]] * sent, own[:, k] * lit.seen[:, k])
-            for k in range(3)
-        ]
-        colour, specular = np.stack(looks, axis=1)
+        colour, specular = channel_wise(w[:hair], sent, lit.seen)
         matt = gain[hair:] * (bare.shade @ power + sky * bare.sky)
-        skin = ratio(matt[:, None] * w[hair:], bare.seen * w[hair:])
+        (skin,) = channel_wise(w[hair:], matt[:, None], bare.seen)
         model = np.concatenate(
             [sent @ np.stack([colour, specular]), matt[:, None] * skin]
         )
@@ -355,11 +350,25 @@ def reliance(off: Float[np.ndarray, " pixels"]) -> Float[np.ndarray, " pixels"]:
     return 1.0 / (1.0 + (off / scale) ** 2)
 
 
-def ratio(
-    model: Float[np.ndarray, "pixels 3"], seen: Float[np.ndarray, "pixels 3"]
-) -> Float[np.ndarray, " 3"]:
-    """Return by what to multiply each channel of a model to come closest."""
-    return (model * seen).sum(axis=0) / np.maximum((model**2).sum(axis=0), 1e-12)
+def channel_wise(
+    weight: Float[np.ndarray, "pixels 3"],
+    sent: Float[np.ndarray, "pixels terms"],
+    seen: Float[np.ndarray, "pixels 3"],
+) -> Float[np.ndarray, "terms 3"]:
+    """Return the colours by which what white would send comes closest to what is seen.
+
+    Args:
+        weight: What errors are multiplied by.
+        sent: What white sends back in each way.
+        seen: What the photographs show, linear RGB.
+    """
+    return np.stack(
+        [
+            least_squares(weight[:, [k]] * sent, weight[:, k] * seen[:, k])
+            for k in range(3)
+        ],
+        axis=1,
+    )
 
 
 def as_colour(values: Float[np.ndarray, " 3"]) -> Colour:

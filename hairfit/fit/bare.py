@@ -12,8 +12,8 @@ from jaxtyping import Float, Int
 from scipy import ndimage
 
 from ..evaluate.visibility import Sight
-from ..render.lit import from_sky, normals_to
-from ..render.raster import cells, project_points
+from ..render.lit import from_sky, turned_to
+from ..render.raster import cells, project_points, vertex_normals
 from ..render.scene import OUTSIDE, head_places
 from ..types import Mesh
 
@@ -55,13 +55,14 @@ def bare_pixels(
         share: How much of each light arrives at `head_places`.
         rng: Chooses among the pixels.
     """
-    parts = [
-        Bare(np.zeros((0, 3)), np.zeros(0, int), np.zeros((0, len(ways))), np.zeros(0))
-    ]
+    none = np.zeros((0, 3)), np.zeros(0, int), np.zeros((0, len(ways))), np.zeros(0)
+    parts = [Bare(*none)]
+    if head is None:
+        return parts[0]
+    places, normals = head_places(head), vertex_normals(head)
     for k, (photo, behind) in enumerate(sights):
-        if head is None or behind is None:
+        if behind is None:
             continue
-        places = head_places(head)
         pixels = project_points(places, photo.camera)
         y, x, inside = cells(pixels, photo.camera.width, photo.camera.height)
         # Skin that shows through hair is darker than what is beside it.
@@ -73,11 +74,11 @@ def bare_pixels(
             & ~hair[y, x]
             & np.asarray(inner, bool)[y, x]
             & (pixels.depth < behind[y, x] + OUTSIDE)
+            & (photo.image[y, x].max(axis=-1) < CLIPPED)
         )
-        free &= photo.image[y, x].max(axis=-1) < CLIPPED
         at = np.flatnonzero(free)
         at = rng.choice(at, min(PIXELS, len(at)), replace=False)
-        normal = normals_to(head, np.asarray(photo.camera.centre))[at]
+        normal = turned_to(np.asarray(photo.camera.centre), normals[at], places[at])
         parts.append(
             Bare(
                 photo.image[y[at], x[at]],

@@ -280,7 +280,7 @@ def head_radiance(
         eye: Where the eye is, in metres.
     """
     assert scene.head is not None
-    normal = normals_to(scene.head, eye)
+    normal = turned_to(eye, vertex_normals(scene.head), head_places(scene.head))
     total = np.asarray(scene.sky) * from_sky(normal)[:, None]
     ways, radiance = (np.asarray(x, np.float64) for x in arrived)
     for way, light in zip(ways, radiance, strict=True):
@@ -289,15 +289,17 @@ def head_radiance(
     return np.asarray(scene.skin) * total
 
 
-def normals_to(
-    head: Mesh, eye: Float[np.ndarray, " 3"]
-) -> Float[np.ndarray, "vertices 3"]:
-    """Return the unit normals of a head's vertices, on the side that an eye sees."""
-    normal = vertex_normals(head)
-    # Meshes of artists have faces that are turned inside out.
-    away = np.einsum("ij,ij->i", normal, eye - head_places(head)) < 0.0
-    normal[away] *= -1.0
-    return normal
+def turned_to(
+    eye: Float[np.ndarray, " 3"],
+    normal: Float[np.ndarray, "places 3"],
+    places: Float[np.ndarray, "places 3"],
+) -> Float[np.ndarray, "places 3"]:
+    """Return normals on the side that an eye sees.
+
+    Meshes of artists have faces that are turned inside out.
+    """
+    away = np.einsum("ij,ij->i", normal, eye - places) < 0.0
+    return np.where(away[:, None], -normal, normal)
 
 
 def from_sky(normal: Float[np.ndarray, "places 3"]) -> Float[np.ndarray, " places"]:

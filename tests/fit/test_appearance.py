@@ -33,11 +33,6 @@ COLOUR = np.array([0.22, 0.10, 0.05])
 KEY = np.array([0.8, 0.5, 0.33])
 
 
-def no_head(lights):
-    """Return what is seen of a head that no photograph shows."""
-    return Bare(np.zeros((0, 3)), np.zeros(0, int), np.zeros((0, lights)), np.zeros(0))
-
-
 def known(rng, pixels=900, lights=6, views=3):
     """Return pixels in known light, and what light, colours and exposures they had."""
     diffuse, mirror, share = rng.uniform(0.0, 1.0, (3, pixels, lights))
@@ -48,7 +43,9 @@ def known(rng, pixels=900, lights=6, views=3):
     even = exposure[view] * (share * diffuse @ power + sky)
     glint = exposure[view] * (share * mirror**8.0 @ power)
     seen = even[:, None] * COLOUR + glint[:, None] * specular
-    lit = Lit(seen, view, share * diffuse, mirror, share, no_head(lights))
+    none = np.zeros((lights, 3)), np.zeros((0, lights))
+    bare = bare_pixels(None, [], *none, rng)
+    lit = Lit(seen, view, share * diffuse, mirror, share, bare)
     return lit, power, sky, exposure, specular
 
 
@@ -66,7 +63,7 @@ def test_light_colour_and_exposures_are_found_where_the_model_holds():
 
 
 def test_a_head_tells_lights_that_hair_does_not():
-    """Hair sends back the same of three lights, and half of what arrives is wrong."""
+    """Hair sends back the same of four lights, and each pixel is a third off."""
     rng = np.random.default_rng(4)
     lit, power, sky, exposure, _ = known(rng)
     alike = lit.diffuse.copy()
