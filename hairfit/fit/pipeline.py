@@ -68,6 +68,7 @@ from .shots import (
     trusted_shots,
     wrapped_scalp,
 )
+from .strays import without_strays
 from .suspects import Doubt
 from .thinning import thinned
 from .tips import with_tips_inside
@@ -212,6 +213,9 @@ def fit_capture(
         seen = first.curls, first.shots, first.all_maps
         tree = with_locks(tree, *seen, points, config.seed)
         skin = thinned(skin, sample_hair(tree, spared, points, key), first.sights)
+        tree = dataclasses.replace(tree, maps=skin)
+        hair = sample_hair(tree, spared, points, key)
+        skin = without_strays(skin, hair, first.sights, first.curls.radius)
         tree = round_tree(dataclasses.replace(tree, maps=skin))
         hair = derive_hair(tree, head, config.strands, points, config.seed)
     progress("finding colour and light", 0.95)

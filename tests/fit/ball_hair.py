@@ -13,6 +13,7 @@ from hairfit.capture.orientation import OrientationMap
 from hairfit.fit.grid import Grid
 from hairfit.fit.hull import Hull
 from hairfit.model import Scalp
+from hairfit.model.strand import Hair
 from hairfit.render import Camera, mesh_depth, rasterise
 from hairfit.synthetic.scene import looking_at
 from hairfit.types import Mesh
@@ -49,6 +50,22 @@ def comb(roots, length=0.09, height=0.006, knots=12):
     share = np.linspace(0.0, 1.0, knots)[None]
     down = np.minimum(polar[:, None] + share * length / RADIUS, np.radians(150.0))
     return meridian(down, azimuth[:, None], height * np.minimum(4 * share, 1.0))
+
+
+def every_root(count, rng):
+    """Return roots even over the ball's cap, and where they are in scalp space."""
+    polar = np.arccos(rng.uniform(np.cos(1.2), 1.0, count))
+    azimuth = rng.uniform(0.0, 2 * np.pi, count)
+    # Equal areas of the cap are equal areas of the disc of its chords.
+    chord = np.sin(0.5 * polar) / np.sin(0.6)
+    x, y = chord * np.sin(azimuth), chord * np.cos(azimuth)
+    return meridian(polar, azimuth), 0.5 + 0.45 * np.stack([x, y], axis=1)
+
+
+def hair_of(roots, uv) -> Hair:
+    none = jnp.zeros(len(uv))
+    strands = jnp.asarray(comb(roots))
+    return Hair(strands, jnp.asarray(uv), none.astype(jnp.int32), none)
 
 
 def camera_at(eye, target=(0.0, 0.0, 0.0), finer=1) -> Camera:

@@ -1,9 +1,17 @@
 import dataclasses
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from ball_hair import ball, camera_at, comb, meridian, photograph, ring, view_of
+from ball_hair import (
+    ball,
+    camera_at,
+    comb,
+    every_root,
+    hair_of,
+    photograph,
+    ring,
+    view_of,
+)
 from scipy import sparse
 
 from hairfit.evaluate.coverage import hair_density
@@ -23,22 +31,6 @@ from hairfit.model.strand import Hair
 
 CAMERA = camera_at([0.0, 0.1, 0.6])
 EVEN = even_maps(TEXELS, TEXELS)
-
-
-def every_root(count, rng):
-    """Return roots even over the ball's cap, and where they are in scalp space."""
-    polar = np.arccos(rng.uniform(np.cos(1.2), 1.0, count))
-    azimuth = rng.uniform(0.0, 2 * np.pi, count)
-    # Equal areas of the cap are equal areas of the disc of its chords.
-    chord = np.sin(0.5 * polar) / np.sin(0.6)
-    x, y = chord * np.sin(azimuth), chord * np.cos(azimuth)
-    return meridian(polar, azimuth), 0.5 + 0.45 * np.stack([x, y], axis=1)
-
-
-def hair_of(roots, uv):
-    none = jnp.zeros(len(uv))
-    strands = jnp.asarray(comb(roots))
-    return Hair(strands, jnp.asarray(uv), none.astype(jnp.int32), none)
 
 
 def seen(strands):

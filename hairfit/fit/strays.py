@@ -1,0 +1,76 @@
+"""Fewer roots where strands leave the masks on their way.
+
+Clusters follow the photographs in the mean, so that single strands arch out of the
+hair, which one sees at once. Where strands grow that come so far out of a mask, fewer
+do. Tips are taken back before, see `tips`.
+"""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+from scipy import ndimage
+
+from ..abreast import abreast
+from ..evaluate.visibility import Sight
+from ..host import on_device
+from ..model.maps import ScalpMaps
+from ..model.strand import Hair
+from ..render.raster import cells, project_points
+from .density import spread
+
+FREE = 1.5  # pixels of a photograph about its mask that may be hair as well
+LOST = 0.002  # metres beyond these from which on no strand stays, fewer before
+# Curls may come farther out, by this share of their radius: nobody sees how each winds.
+TURN = 0.5
+SPARSEST = 0.002  # a scalp where all strands come out still grows some
+
+
+def without_strays(
+    maps: ScalpMaps, hair: Hair, sights: Sequence[Sight], radius: float
+) -> ScalpMaps:
+    """Return maps with a lower density of roots where strands come out of the masks.
+
+    Args:
+        maps: What is on the scalp, with a density `TEXELS` a side.
+        hair: Strands of these maps.
+        sights: The photographs that count, one or more.
+        radius: Of the strands' curls, in metres; 0 where they do not curl.
+    """
+    if not len(hair.uv):
+        return maps
+    points = np.asarray(hair.strands, np.float64)
+    out = np.max(list(abreast(lambda one: comes_out(points, one), sights)), axis=0)
+    stays = np.clip(1.0 - (out - TURN * radius) / LOST, 0.0, 1.0)
+    uv = np.asarray(hair.uv, np.float64)
+    count, kept = spread(uv), spread(uv, stays)
+    share = np.where(count > 0.0, kept / np.maximum(count, 1e-30), 1.0)
+    density = np.asarray(maps.density, np.float64) * np.maximum(share, SPARSEST)
+    return eqx.tree_at(
+        lambda m: m.density, maps, on_device(density, maps.density.dtype)
+    )
+
+
+def comes_out(
+    points: Float[np.ndarray, "strands points 3"], sight: Sight
+) -> Float[np.ndarray, " strands"]:
+    """Return how far beyond `FREE` strands come out of a photograph's hair, in metres.
+
+    Of what the head hides, or what is beyond the picture, nothing is said.
+
+    Args:
+        points: The strands, in metres.
+        sight: The photograph, and what is behind its hair.
+    """
+    view, behind = sight
+    count = len(points)
+    if not view.hair.any():
+        return np.zeros(count)
+    pixels = project_points(points.reshape(-1, 3), view.camera)
+    y, x, inside = cells(pixels, view.camera.width, view.camera.height)
+    if behind is not None:
+        inside &= pixels.depth < behind[y, x]
+    beside = np.asarray(ndimage.distance_transform_edt(~view.hair))[y, x]
+    far = np.maximum(beside - FREE, 0.0) * pixels.depth / view.camera.focal
+    return np.where(inside, far, 0.0).reshape(count, -1).max(axis=1)

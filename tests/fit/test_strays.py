@@ -1,0 +1,125 @@
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from ball_hair import (
+    DISTANCE,
+    FOCAL,
+    HEIGHT,
+    WIDTH,
+    camera_at,
+    comb,
+    every_root,
+    hair_of,
+    ring,
+    view_of,
+)
+
+from hairfit.evaluate.visibility import Sight
+from hairfit.fit.density import TEXELS
+from hairfit.fit.strays import (
+    FREE,
+    LOST,
+    SPARSEST,
+    TURN,
+    comes_out,
+    without_strays,
+)
+from hairfit.model.maps import even_maps
+from hairfit.model.strand import Hair
+from hairfit.render import rasterise
+
+EVEN = even_maps(TEXELS, TEXELS)
+CAMERA = camera_at([0.0, 0.0, DISTANCE])
+PIXEL = DISTANCE / FOCAL  # metres at the origin
+LEFT = np.tile(np.arange(WIDTH) < WIDTH // 2, (HEIGHT, 1))  # the half where x < 0
+
+
+def across(x, depth=0.0):
+    """Return strands that go from x = -2 cm to these, `depth` behind the origin."""
+    x = np.asarray(x, float)
+    line = -0.02 + np.linspace(0.0, 1.0, 50) * (x[:, None] + 0.02)
+    rest = np.zeros_like(line)
+    return np.stack([line, rest, rest - depth], axis=-1)
+
+
+def density_at(maps, uv):
+    return np.asarray(maps.density)[tuple(np.round(uv * (TEXELS - 1)).astype(int).T)]
+
+
+def test_how_far_strands_come_out_of_the_mask():
+    sight = Sight(view_of(CAMERA, LEFT), None)
+    found = comes_out(across([-0.01, 0.009, 0.04]), sight)
+    assert found[0] == 0.0
+    free = FREE * PIXEL
+    assert found[1:] == pytest.approx([0.009 - free, 0.04 - free], abs=PIXEL)
+    # Twice as far from the camera a pixel is twice as wide.
+    away = comes_out(across([0.04], depth=DISTANCE), sight)
+    assert away == pytest.approx([0.04 - 2 * free], abs=2 * PIXEL)
+
+
+def test_what_the_head_hides_or_the_picture_leaves_out_says_nothing():
+    strands = across([0.04])
+    before, after = (np.full(LEFT.shape, DISTANCE + step) for step in (-0.01, 0.01))
+    view = view_of(CAMERA, LEFT)
+    assert comes_out(strands, Sight(view, before)) == 0.0
+    assert comes_out(strands, Sight(view, after)) > 0.03
+    beyond = strands + [1.0, 0.0, 0.0]
+    assert comes_out(beyond, Sight(view, None)) == 0.0
+    assert comes_out(strands - [0.0, 0.0, 1.0], Sight(view, None)) > 0.0
+    assert comes_out(strands + [0.0, 0.0, 1.0], Sight(view, None)) == 0.0
+
+
+def test_a_mask_without_hair_says_nothing():
+    view = view_of(CAMERA, np.zeros_like(LEFT))
+    assert comes_out(across([0.04]), Sight(view, None)) == 0.0
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.004])
+def test_roots_are_as_dense_as_strands_stay_in(radius):
+    finer = 32  # nine pixels a millimetre, so that the mask ends where it is said to
+    fine = camera_at([0.0, 0.0, DISTANCE], finer=finer)
+    first = FREE * PIXEL / finer + TURN * radius
+    last = first + LOST
+    hair = np.tile(np.arange(fine.width) < fine.width // 2, (fine.height, 1))
+    x = np.array([-0.005, first, 0.5 * (first + last), last + 1e-4])
+    uv = jnp.asarray([[0.2, 0.2], [0.2, 0.8], [0.8, 0.2], [0.8, 0.8]])
+    strands = Hair(jnp.asarray(across(x)), uv, jnp.zeros(4, int), jnp.zeros(4))
+    maps = without_strays(EVEN, strands, [Sight(view_of(fine, hair), None)], radius)
+    found = density_at(maps, np.asarray(uv))
+    assert found == pytest.approx([1.0, 1.0, 0.5, SPARSEST], abs=0.06)
+    assert found[3] == pytest.approx(SPARSEST)
+    # Nothing is known where no root is.
+    assert maps.density[80, 80] == 1.0
+    half = eqx.tree_at(lambda m: m.density, EVEN, 0.5 * EVEN.density)
+    again = without_strays(half, strands, [Sight(view_of(fine, hair), None)], radius)
+    assert np.allclose(again.density, 0.5 * maps.density)
+
+
+def test_strands_that_arch_out_go_and_their_neighbours_stay():
+    roots, uv = every_root(4000, np.random.default_rng(0))
+    wild = np.random.default_rng(1).random(4000) < 0.05
+    strands = comb(roots)
+    arched = comb(roots, height=0.03)
+    hair = hair_of(roots, uv)._replace(
+        strands=jnp.asarray(np.where(wild[:, None, None], arched, strands))
+    )
+    sights = []
+    for camera in ring(8):
+        mask = rasterise(strands, camera, radius_px=1.5).coverage
+        sights.append(Sight(view_of(camera, mask), None))
+    maps = without_strays(EVEN, hair, sights, 0.0)
+    density = density_at(maps, uv)
+    out = np.max([comes_out(arched, sight) for sight in sights], axis=0) > LOST
+    assert out[wild].mean() > 0.5
+    assert density[wild & out].mean() < 0.5
+    assert density[~wild].mean() > 0.85
+    assert (maps.length == EVEN.length).all() and (maps.curl == EVEN.curl).all()
+
+
+def test_no_strands_leave_the_maps_as_they_are():
+    none = Hair(
+        jnp.zeros((0, 8, 3)), jnp.zeros((0, 2)), jnp.zeros(0, int), jnp.zeros(0)
+    )
+    sight = Sight(view_of(CAMERA, LEFT), None)
+    assert eqx.tree_equal(without_strays(EVEN, none, [sight], 0.0), EVEN)
