@@ -5,6 +5,7 @@ hair, which one sees at once. Where strands grow that come so far out of a mask,
 do. Tips are taken back before, see `tips`.
 """
 
+import functools
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -21,9 +22,12 @@ from ..render.raster import cells, project_points
 from .density import spread
 
 FREE = 1.5  # pixels of a photograph about its mask that may be hair as well
-LOST = 0.002  # metres beyond these from which on no strand stays, fewer before
+LOST = 0.002  # metres beyond these from which on a place is none of the hair's
 # Curls may come farther out, by this share of their radius: nobody sees how each winds.
 TURN = 0.5
+# No strand stays of which so much is lost, fewer of which less is: long ones are right
+# elsewhere.
+MOST_LOST = 0.07
 SPARSEST = 0.002  # a scalp where all strands come out still grows some
 
 
@@ -41,8 +45,10 @@ def without_strays(
     if not len(hair.uv):
         return maps
     points = np.asarray(hair.strands, np.float64)
-    out = np.max(list(abreast(lambda one: comes_out(points, one), sights)), axis=0)
-    stays = np.clip(1.0 - (out - TURN * radius) / LOST, 0.0, 1.0)
+    seen = abreast(lambda one: comes_out(points, one), sights)
+    out = functools.reduce(np.maximum, seen) - TURN * radius
+    lost = np.clip(out / LOST, 0.0, 1.0).mean(axis=1)
+    stays = np.maximum(1.0 - lost / MOST_LOST, 0.0)
     uv = np.asarray(hair.uv, np.float64)
     count, kept = spread(uv), spread(uv, stays)
     share = np.where(count > 0.0, kept / np.maximum(count, 1e-30), 1.0)
@@ -54,23 +60,22 @@ def without_strays(
 
 def comes_out(
     points: Float[np.ndarray, "strands points 3"], sight: Sight
-) -> Float[np.ndarray, " strands"]:
-    """Return how far beyond `FREE` strands come out of a photograph's hair, in metres.
+) -> Float[np.ndarray, "strands points"]:
+    """Return how far beyond `FREE` points come out of a photograph's hair, in metres.
 
     Of what the head hides, or what is beyond the picture, nothing is said.
 
     Args:
-        points: The strands, in metres.
+        points: Points of strands, in metres.
         sight: The photograph, and what is behind its hair.
     """
     view, behind = sight
-    count = len(points)
     if not view.hair.any():
-        return np.zeros(count)
+        return np.zeros(points.shape[:2])
     pixels = project_points(points.reshape(-1, 3), view.camera)
     y, x, inside = cells(pixels, view.camera.width, view.camera.height)
     if behind is not None:
         inside &= pixels.depth < behind[y, x]
     beside = np.asarray(ndimage.distance_transform_edt(~view.hair))[y, x]
     far = np.maximum(beside - FREE, 0.0) * pixels.depth / view.camera.focal
-    return np.where(inside, far, 0.0).reshape(count, -1).max(axis=1)
+    return np.where(inside, far, 0.0).reshape(points.shape[:2])
