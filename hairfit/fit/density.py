@@ -1,5 +1,7 @@
 """How densely roots stand on a scalp, as a map that is painted on it."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -79,6 +81,37 @@ def spread(
         share = np.abs(1 - i - far[:, 0]) * np.abs(1 - j - far[:, 1])
         np.add.at(count, (low[:, 0] + i, low[:, 1] + j), amount * share)
     return count
+
+
+class TexelMeans(NamedTuple):
+    """What roots have around each texel.
+
+    Attributes:
+        count: How many roots there are.
+        mean: What they have in the mean; 0 where there are none.
+    """
+
+    count: Float[np.ndarray, "texels texels"]
+    mean: Float[np.ndarray, "texels texels"]
+
+
+def texel_means(
+    uv: Float[np.ndarray, "strands 2"],
+    amount: Float[np.ndarray, " strands"],
+    smooth: float = 0.0,
+) -> TexelMeans:
+    """Return the means of what roots have, around each texel.
+
+    Args:
+        uv: The roots.
+        amount: What each has.
+        smooth: Standard deviation of the Gaussian around a texel, in texels.
+    """
+    count, total = (
+        ndimage.gaussian_filter(x, smooth, mode="nearest")
+        for x in (spread(uv), spread(uv, amount))
+    )
+    return TexelMeans(count, total / np.maximum(count, 1e-30))
 
 
 def texel_areas(scalp: Scalp) -> Float[np.ndarray, "texels texels"]:

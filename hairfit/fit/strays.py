@@ -19,7 +19,7 @@ from ..host import on_device
 from ..model.maps import ScalpMaps
 from ..model.strand import Hair
 from ..render.raster import cells, project_points
-from .density import spread
+from .density import texel_means
 
 FREE = 1.5  # pixels of a photograph about its mask that may be hair as well
 LOST = 0.002  # metres beyond these from which on a place is none of the hair's
@@ -50,8 +50,8 @@ def without_strays(
     lost = np.clip(out / LOST, 0.0, 1.0).mean(axis=1)
     stays = np.maximum(1.0 - lost / MOST_LOST, 0.0)
     uv = np.asarray(hair.uv, np.float64)
-    count, kept = spread(uv), spread(uv, stays)
-    share = np.where(count > 0.0, kept / np.maximum(count, 1e-30), 1.0)
+    count, mean = texel_means(uv, stays)
+    share = np.where(count > 0.0, mean, 1.0)
     density = np.asarray(maps.density, np.float64) * np.maximum(share, SPARSEST)
     return eqx.tree_at(
         lambda m: m.density, maps, on_device(density, maps.density.dtype)

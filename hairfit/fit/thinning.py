@@ -16,7 +16,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import ndimage, sparse
+from scipy import sparse
 
 from ..abreast import abreast
 from ..capture.filters import square_means
@@ -24,7 +24,7 @@ from ..evaluate.coverage import WIDTHS, best_width, drawn_pieces, ious_of
 from ..evaluate.visibility import Sight
 from ..model.maps import ScalpMaps
 from ..model.strand import Hair
-from .density import spread
+from .density import texel_means
 
 # Strands that are looked at: each stands for a patch of scalp.
 MOST = 4000
@@ -122,11 +122,8 @@ def root_density(
         uv: Roots of the strands, even over the scalp.
         factor: By how much each strand counts.
     """
-    count, asked = (
-        ndimage.gaussian_filter(x, SMOOTH, mode="nearest")
-        for x in (spread(uv), spread(uv, factor))
-    )
+    count, mean = texel_means(uv, factor, SMOOTH)
     rooted = count > 1e-3 * count.max()
-    density = np.where(rooted, asked / np.maximum(count, 1e-30), np.inf)
+    density = np.where(rooted, mean, np.inf)
     full = FULL * np.quantile(density[rooted], DENSEST)
     return np.clip(density / full, THINNEST, 1.0)

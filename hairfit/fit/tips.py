@@ -8,12 +8,11 @@ leave it, for every strand that may grow there.
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
-from scipy import ndimage
 
 from ..host import on_device
 from ..model.maps import ScalpMaps
 from ..model.strand import Hair
-from .density import spread
+from .density import texel_means
 from .hull import Hull
 
 # The border of the hull is that of pixels and voxels that hair touches: hair ends so
@@ -39,11 +38,8 @@ def with_tips_inside(maps: ScalpMaps, hair: Hair, hull: Hull) -> ScalpMaps:
         return maps
     share = share_inside(np.asarray(hair.strands, np.float64), hull)
     uv = np.asarray(hair.uv, np.float64)
-    count, asked = (
-        ndimage.gaussian_filter(x, SMOOTH, mode="nearest")
-        for x in (spread(uv), spread(uv, share**POWER))
-    )
-    mean = np.where(count > 0.0, asked / np.maximum(count, 1e-30), 1.0)
+    count, mean = texel_means(uv, share**POWER, SMOOTH)
+    mean = np.where(count > 0.0, mean, 1.0)
     length = on_device(mean ** (1.0 / POWER), maps.length.dtype)
     return eqx.tree_at(lambda m: m.length, maps, length)
 

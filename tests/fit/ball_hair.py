@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from hairfit.capture import View
 from hairfit.capture.orientation import OrientationMap
+from hairfit.fit.density import TEXELS
 from hairfit.fit.grid import Grid
 from hairfit.fit.hull import Hull
 from hairfit.model import Scalp
@@ -66,6 +67,18 @@ def hair_of(roots, uv) -> Hair:
     none = jnp.zeros(len(uv))
     strands = jnp.asarray(comb(roots))
     return Hair(strands, jnp.asarray(uv), none.astype(jnp.int32), none)
+
+
+def no_hair() -> Hair:
+    return Hair(
+        jnp.zeros((0, 8, 3)), jnp.zeros((0, 2)), jnp.zeros(0, int), jnp.zeros(0)
+    )
+
+
+def texels_at(values, uv):
+    """Return what a map of `TEXELS` a side has at the texels next to places."""
+    nearest = np.round(np.asarray(uv) * (TEXELS - 1)).astype(int)
+    return np.asarray(values)[tuple(nearest.T)]
 
 
 def camera_at(eye, target=(0.0, 0.0, 0.0), finer=1) -> Camera:

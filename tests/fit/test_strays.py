@@ -11,7 +11,10 @@ from ball_hair import (
     comb,
     every_root,
     hair_of,
+    no_hair,
+    photograph,
     ring,
+    texels_at,
     view_of,
 )
 
@@ -28,7 +31,6 @@ from hairfit.fit.strays import (
 )
 from hairfit.model.maps import even_maps
 from hairfit.model.strand import Hair
-from hairfit.render import rasterise
 
 EVEN = even_maps(TEXELS, TEXELS)
 CAMERA = camera_at([0.0, 0.0, DISTANCE])
@@ -42,10 +44,6 @@ def across(x, depth=0.0):
     line = -0.02 + np.linspace(0.0, 1.0, 50) * (x[:, None] + 0.02)
     rest = np.zeros_like(line)
     return np.stack([line, rest, rest - depth], axis=-1)
-
-
-def density_at(maps, uv):
-    return np.asarray(maps.density)[tuple(np.round(uv * (TEXELS - 1)).astype(int).T)]
 
 
 def test_how_far_strands_come_out_of_the_mask():
@@ -96,7 +94,7 @@ def test_roots_are_as_dense_as_strands_stay_in(radius):
     strands = Hair(jnp.asarray(strand), uv, jnp.zeros(4, int), jnp.zeros(4))
     sights = [Sight(view_of(fine, hair), None)]
     maps = without_strays(EVEN, strands, sights, radius)
-    found = density_at(maps, np.asarray(uv))
+    found = texels_at(maps.density, uv)
     share = lost / points / MOST_LOST
     expected = [1.0, 1.0 - 0.5 * share, 1.0 - share, SPARSEST]
     assert found == pytest.approx(expected, abs=0.05)
@@ -116,12 +114,9 @@ def test_strands_that_arch_out_go_and_their_neighbours_stay():
     hair = hair_of(roots, uv)._replace(
         strands=jnp.asarray(np.where(wild[:, None, None], arched, strands))
     )
-    sights = []
-    for camera in ring(8):
-        mask = rasterise(strands, camera, radius_px=1.5).coverage
-        sights.append(Sight(view_of(camera, mask), None))
+    sights = [Sight(v, None) for v in photograph(strands, ring(8), None).views]
     maps = without_strays(EVEN, hair, sights, 0.0)
-    density = density_at(maps, uv)
+    density = texels_at(maps.density, uv)
     far = np.max([comes_out(arched, sight) for sight in sights], axis=0)
     out = (far > LOST).mean(axis=1) > MOST_LOST
     assert out[wild].mean() > 0.5
@@ -131,8 +126,5 @@ def test_strands_that_arch_out_go_and_their_neighbours_stay():
 
 
 def test_no_strands_leave_the_maps_as_they_are():
-    none = Hair(
-        jnp.zeros((0, 8, 3)), jnp.zeros((0, 2)), jnp.zeros(0, int), jnp.zeros(0)
-    )
     sight = Sight(view_of(CAMERA, LEFT), None)
-    assert eqx.tree_equal(without_strays(EVEN, none, [sight], 0.0), EVEN)
+    assert eqx.tree_equal(without_strays(EVEN, no_hair(), [sight], 0.0), EVEN)

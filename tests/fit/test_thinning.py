@@ -10,6 +10,7 @@ from ball_hair import (
     hair_of,
     photograph,
     ring,
+    texels_at,
     view_of,
 )
 from scipy import sparse
@@ -37,10 +38,6 @@ def seen(strands):
     """Return photographs of the ball with strands on it."""
     found = photograph(strands, ring(8), ball())
     return [Sight(*one) for one in zip(found.views, found.depths, strict=True)]
-
-
-def at(density, uv):
-    return density[tuple(np.round(uv * (TEXELS - 1)).astype(int).T)]
 
 
 def test_blocks_hold_what_their_pixels_do():
@@ -107,10 +104,10 @@ def test_density_follows_the_factors():
     found = root_density(uv, np.where(left, 0.2, 1.0))
     far = np.abs(uv[:, 0] - 0.5) > 0.1
     # Half of the densest is dense enough.
-    assert at(found, uv[left & far]) == pytest.approx(0.4, abs=0.02)
-    assert (at(found, uv[~left & far]) == 1.0).all()
+    assert texels_at(found, uv[left & far]) == pytest.approx(0.4, abs=0.02)
+    assert (texels_at(found, uv[~left & far]) == 1.0).all()
     none = root_density(uv, np.where(left, 0.0, 1.0))
-    assert at(none, uv[left & far]) == pytest.approx(THINNEST)
+    assert texels_at(none, uv[left & far]) == pytest.approx(THINNEST)
     # Nothing is known of a scalp without roots.
     assert found[0, 0] == 1.0
 
@@ -124,8 +121,8 @@ def test_roots_stay_where_photographs_show_hair():
         thinned(EVEN, hair, seen(np.asarray(hair.strands)[there])).density
     )
     far = np.abs(roots[:, 0]) > 0.015
-    assert np.mean(at(density, uv[there & far])) > 0.97
-    assert np.mean(at(density, uv[~there & far])) < 0.25
+    assert np.mean(texels_at(density, uv[there & far])) > 0.97
+    assert np.mean(texels_at(density, uv[~there & far])) < 0.25
     assert density.min() >= THINNEST and density.max() <= 1.0
 
 
@@ -141,5 +138,5 @@ def test_hair_that_explains_its_masks_stays_as_it_is():
     hair = hair_of(roots, uv)
     even = even_maps(TEXELS, TEXELS, curl=0.004)
     maps = thinned(even, hair, seen(np.asarray(hair.strands)))
-    assert np.mean(at(np.asarray(maps.density), uv)) > 0.98
+    assert np.mean(texels_at(np.asarray(maps.density), uv)) > 0.98
     assert (maps.length == 1.0).all() and (maps.curl == even.curl).all()

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from ball_hair import RADIUS, dome, hull_where
+from ball_hair import RADIUS, dome, hull_where, no_hair
 
 from hairfit.fit.density import TEXELS
 from hairfit.fit.tips import SHORTEST, share_inside, with_tips_inside
@@ -133,7 +133,4 @@ def test_neighbours_share_a_length_nearer_to_the_shorter():
 
 
 def test_no_strands_leave_the_maps_as_they_are():
-    none = Hair(
-        jnp.zeros((0, 8, 3)), jnp.zeros((0, 2)), jnp.zeros(0, int), jnp.zeros(0)
-    )
-    assert eqx.tree_equal(with_tips_inside(EVEN, none, slab(0.06)), EVEN)
+    assert eqx.tree_equal(with_tips_inside(EVEN, no_hair(), slab(0.06)), EVEN)
