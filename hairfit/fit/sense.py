@@ -8,15 +8,19 @@ farther are a tip for sure: of two ways that both come so far, over a parting, n
 is the tip's because it comes farther still.
 Lines go astray, over a parting above all, where the field is hardly sure: so what they
 find counts less the more doubt they passed, they say less where they start in doubt,
-and each place takes the mean of what the lines around it say.
+and each place takes the mean of what the lines around it say. Lines that graze the
+hull's border, which is made of voxels, go on along it, though not beside the skin,
+where hair begins.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ..render.raster import unit
 from .evidence import Field
-from .grid import blurred
+from .grid import blurred, uphill
 from .hull import Hull
 
 EVERY = 2  # voxels along each axis of which one is the start of a line
@@ -27,6 +31,10 @@ DOUBT = 0.015  # metres of a field that says nothing after which a third is beli
 REACHED = 0.03  # metres farther from the scalp than the start: surely a tip
 SAME = 0.0015  # metres by which such differences hardly differ
 AROUND = 0.018  # metres, the Gaussian over which lines agree
+GRAZING = 0.3  # least cosine to the hull's normal at which a line leaves it
+ALOFT = 0.01  # metres above the skin from which on lines go along the hull
+WITHIN = 0.6  # voxels inside the hull to which a line that grazes it returns
+GRAZE_DOUBT = 0.5  # of the doubt of a field that says nothing, where a line grazes
 
 
 def growth_sense(
@@ -49,8 +57,10 @@ def growth_sense(
     heading = field.direction[hull.hair][some]
     distance = np.zeros(hull.grid.shape)
     distance[hull.hair] = away
+    outwards = uphill(hull.distance)
     ahead, behind = (
-        _farther(hull, field, distance, start, way * heading) for way in (1.0, -1.0)
+        _farther(hull, outwards, field, distance, start, way * heading)
+        for way in (1.0, -1.0)
     )
     told = (ahead - behind) / (ahead + behind + SAME)
     told *= field.anisotropy[hull.hair][some]
@@ -78,6 +88,7 @@ def _mean_around(
 
 def _farther(
     hull: Hull,
+    outwards: Float[np.ndarray, "x y z 3"],
     field: Field,
     distance: Float[np.ndarray, "x y z"],
     start: Float[np.ndarray, "lines 3"],
@@ -88,7 +99,8 @@ def _farther(
     At most `REACHED`, in metres, times how far the way there can be believed.
 
     Args:
-        hull: Lines end where they leave its hair.
+        hull: Lines end where they leave its hair, but go on where they graze it.
+        outwards: Unit normal of its border in every voxel.
         field: Directions; their signs say nothing.
         distance: From the scalp, in the voxels of hair, in metres.
         start: Where lines start: places in hair.
@@ -99,11 +111,11 @@ def _farther(
     farther = np.zeros(len(start))
     point, rows, belief = start, np.arange(len(start)), np.ones(len(start))
     fading = np.exp((field.anisotropy - 1.0) * grid.spacing / DOUBT)
+    grazing = np.exp(-GRAZE_DOUBT * grid.spacing / DOUBT)
     for _ in range(int(LONGEST / grid.spacing)):
-        point = point + grid.spacing * heading
-        voxel = grid.voxel(point)
-        inside = grid.inside(voxel)
-        at = tuple(np.where(inside[:, None], voxel, 0).T)
+        point, grazes = _kept(hull, outwards, point + grid.spacing * heading, heading)
+        at, inside = _voxels(hull, point)
+        belief = np.where(grazes, belief * grazing, belief)
         along = field.direction[at]
         cosine = (along * heading).sum(axis=1)
         on = inside & hull.hair[at] & (np.abs(cosine) > BLUNTEST)
@@ -116,3 +128,46 @@ def _farther(
             STRAIGHT * heading[on] + np.sign(cosine[on])[:, None] * along[on]
         )
     return farther
+
+
+class Kept(NamedTuple):
+    """Where lines come to, and which of them had grazed the hull."""
+
+    point: Float[np.ndarray, "lines 3"]
+    grazes: Bool[np.ndarray, " lines"]
+
+
+def _kept(
+    hull: Hull,
+    outwards: Float[np.ndarray, "x y z 3"],
+    point: Float[np.ndarray, "lines 3"],
+    heading: Float[np.ndarray, "lines 3"],
+) -> Kept:
+    """Return points with those put back that left the hull at a low angle.
+
+    Args:
+        hull: The hull.
+        outwards: Unit normal of its border in every voxel.
+        point: Where lines come to.
+        heading: The way they came.
+    """
+    at, inside = _voxels(hull, point)
+    normal = outwards[at]
+    grazes = inside & ~hull.hair[at] & (hull.head[at] > ALOFT)
+    grazes &= (normal * heading).sum(axis=1) < GRAZING
+    off = hull.distance[at] + WITHIN * hull.grid.spacing
+    return Kept(point - np.where(grazes, off, 0.0)[:, None] * normal, grazes)
+
+
+class Voxels(NamedTuple):
+    """The voxels of points, the first one for those outside the grid."""
+
+    at: tuple[np.ndarray, ...]
+    inside: Bool[np.ndarray, " points"]
+
+
+def _voxels(hull: Hull, point: Float[np.ndarray, "points 3"]) -> Voxels:
+    """Return the voxels of points, and which points are inside the grid."""
+    voxel = hull.grid.voxel(point)
+    inside = hull.grid.inside(voxel)
+    return Voxels(tuple(np.where(inside[:, None], voxel, 0).T), inside)

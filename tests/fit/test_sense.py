@@ -21,8 +21,8 @@ def along_x(hull):
     return np.tile([1.0, 0.0, 0.0], (*hull.grid.shape, 1))
 
 
-def bar(length):
-    """Return hair along x from 0 on."""
+def bar(length, height=0.02):
+    """Return hair along x from 0 on, so far from the skin."""
     return hull_where(
         lambda p: (
             (p[:, 0] > 0) & (p[:, 0] < length) & (np.abs(p[:, 1:]) < 0.012).all(1)
@@ -30,6 +30,7 @@ def bar(length):
         [-0.02, -0.02, -0.02],
         [length + 0.02, 0.02, 0.02],
         SPACING,
+        head=lambda p: np.full(len(p), height),
     )
 
 
@@ -62,6 +63,33 @@ def test_what_lies_beyond_doubt_counts_as_far_as_the_way_is_believed():
     ahead = (np.exp(-0.6 * way / DOUBT) * np.minimum(way, REACHED)).max(axis=1)
     told = 0.4 * ahead / (ahead + SAME)
     assert np.allclose(found, told[np.searchsorted(places, x)], atol=1e-9)
+
+
+@pytest.mark.usefixtures("single_lines")
+@pytest.mark.parametrize(
+    ("degrees", "height", "goes_on"),
+    [
+        (12.0, 0.02, True),
+        (-12.0, 0.02, True),
+        (12.0, 0.006, False),
+        (25.0, 0.02, False),
+    ],
+)
+def test_lines_go_on_along_a_border_that_they_graze_but_not_at_the_skin(
+    degrees, height, goes_on
+):
+    hull = bar(0.15, height)
+    slope = np.radians(degrees)
+    direction = np.tile([np.cos(slope), np.sin(slope), 0.0], (*hull.grid.shape, 1))
+    x, y, _ = hull.grid.centres(hull.hair).T
+    found = growth_sense(hull, made(hull, direction), x)
+    near = (y * np.sign(degrees) > 0.008) & (x < 0.1)
+    farther = SAME * found[near] / (1.0 - found[near])
+    # Without the border such lines leave after two voxels.
+    if goes_on:
+        assert farther.min() > 0.3 * REACHED
+    else:
+        assert farther.max() < 2.5 * SPACING
 
 
 @pytest.mark.parametrize("seed", [0, 1])
