@@ -1,8 +1,9 @@
-"""Fewer roots where strands leave the masks on their way.
+"""Fewer roots where strands leave the masks on their way, or run in loops.
 
 Clusters follow the photographs in the mean, so that single strands arch out of the
 hair, which one sees at once. Where strands grow that come so far out of a mask, fewer
-do. Tips are taken back before, see `tips`.
+do. Tips are taken back before, see `tips`. Where photographs tell little, clusters may
+be wound up: of hair that does not curl, what runs in loops is scribble.
 """
 
 import functools
@@ -29,12 +30,14 @@ TURN = 0.5
 # elsewhere.
 MOST_LOST = 0.07
 SPARSEST = 0.002  # a scalp where all strands come out still grows some
+# A strand loops that comes less far than this share of so many metres of its length.
+FORWARD, LOOP = 0.5, 0.02
 
 
 def without_strays(
     maps: ScalpMaps, hair: Hair, sights: Sequence[Sight], radius: float
 ) -> ScalpMaps:
-    """Return maps with a lower density of roots where strands come out of the masks.
+    """Return maps with a lower density of roots where strands come out or loop.
 
     Args:
         maps: What is on the scalp, with a density `TEXELS` a side.
@@ -49,6 +52,8 @@ def without_strays(
     out = functools.reduce(np.maximum, seen) - TURN * radius
     lost = np.clip(out / LOST, 0.0, 1.0).mean(axis=1)
     stays = np.maximum(1.0 - lost / MOST_LOST, 0.0)
+    if radius == 0.0:
+        stays[comes_forward(points) < FORWARD] = 0.0
     uv = np.asarray(hair.uv, np.float64)
     count, mean = texel_means(uv, stays)
     share = np.where(count > 0.0, mean, 1.0)
@@ -79,3 +84,27 @@ def comes_out(
     beside = np.asarray(ndimage.distance_transform_edt(~view.hair))[y, x]
     far = np.maximum(beside - FREE, 0.0) * pixels.depth / view.camera.focal
     return np.where(inside, far, 0.0).reshape(points.shape[:2])
+
+
+def comes_forward(
+    points: Float[np.ndarray, "strands points 3"],
+) -> Float[np.ndarray, " strands"]:
+    """Return how far strands come where they come least, as a share of their length.
+
+    Over stretches of `LOOP`, as many segments of a strand at its mean step: near 1
+    where it is straight, 0 where it comes back; 1 of strands that are shorter.
+
+    Args:
+        points: Points of strands, in metres.
+    """
+    step = np.linalg.norm(np.diff(points, axis=1), axis=2)
+    along = np.pad(np.cumsum(step, axis=1), [(0, 0), (1, 0)])
+    segments = np.rint(LOOP / np.maximum(step.mean(axis=1), 1e-6)).astype(int)
+    least = np.ones(len(points))
+    for count in np.unique(segments[(segments > 0) & (segments < points.shape[1])]):
+        rows = np.flatnonzero(segments == count)
+        chord = points[rows, count:] - points[rows, :-count]
+        arc = along[rows, count:] - along[rows, :-count]
+        share = np.linalg.norm(chord, axis=2) / np.maximum(arc, 1e-9)
+        least[rows] = share.min(axis=1)
+    return least

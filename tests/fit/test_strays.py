@@ -21,11 +21,14 @@ from ball_hair import (
 from hairfit.evaluate.visibility import Sight
 from hairfit.fit.density import TEXELS
 from hairfit.fit.strays import (
+    FORWARD,
     FREE,
+    LOOP,
     LOST,
     MOST_LOST,
     SPARSEST,
     TURN,
+    comes_forward,
     comes_out,
     without_strays,
 )
@@ -128,3 +131,37 @@ def test_strands_that_arch_out_go_and_their_neighbours_stay():
 def test_no_strands_leave_the_maps_as_they_are():
     sight = Sight(view_of(CAMERA, LEFT), None)
     assert eqx.tree_equal(without_strays(EVEN, no_hair(), [sight], 0.0), EVEN)
+
+
+def rings(radii, length, points=200):
+    """Return strands of a length that run round circles of these radii."""
+    angle = np.linspace(0.0, length, points) / np.asarray(radii)[:, None]
+    turn = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1)
+    return turn * np.asarray(radii)[:, None, None]
+
+
+def test_how_far_strands_come_forward():
+    radii = np.array([LOOP / (2.0 * np.pi), 0.005, 0.02, 1e3])
+    found = comes_forward(rings(radii, 3.0 * LOOP))
+    half = 0.5 * LOOP / radii
+    # A chord of a circle is twice the radius times the sine of half the angle.
+    assert found == pytest.approx(np.abs(np.sin(half)) / half, abs=0.02)
+    # The same where one stretch alone loops, and with points far apart.
+    one = np.concatenate([across([0.04])[0], [0.04, 0.0, 0.0] + rings(radii, LOOP)[0]])
+    assert comes_forward(one[None])[0] < FORWARD
+    coarse = comes_forward(rings([0.005], 3.0 * LOOP, points=13))
+    assert coarse == pytest.approx(found[1:2], abs=0.1)
+    assert (comes_forward(rings(radii, 0.9 * LOOP)) == 1.0).all()
+
+
+@pytest.mark.parametrize(("radius", "stays"), [(0.0, SPARSEST), (0.006, 1.0)])
+def test_strands_in_loops_go_unless_hair_curls(radius, stays):
+    straight = across([0.06])
+    strands = np.concatenate([straight, rings([0.004], 0.08, points=50)])
+    assert (comes_forward(strands) < FORWARD).tolist() == [False, True]
+    uv = jnp.asarray([[0.2, 0.2], [0.8, 0.8]])
+    hair = Hair(jnp.asarray(strands), uv, jnp.zeros(2, int), jnp.zeros(2))
+    sights = [Sight(view_of(CAMERA, np.ones_like(LEFT)), None)]
+    maps = without_strays(EVEN, hair, sights, radius)
+    found = texels_at(maps.density, uv)
+    assert found == pytest.approx([1.0, stays], abs=1e-6)
