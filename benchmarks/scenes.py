@@ -135,6 +135,19 @@ SCENES: dict[str, Recipe] = {
     "tight-curls": Recipe(
         "gallery:tight-curls", DARK, DEEP, STUDIO, LARGE, 0.003, 8000, 96, seed=12
     ),
+    # These joined when the fit was what it is: it was not made with them in sight.
+    "fringe": Recipe("gallery:fringe", BROWN, PALE, WINDOW, LARGE, 0.004, seed=21),
+    "undercut": Recipe(
+        "gallery:undercut", DARK, PALE, STUDIO, MIDDLE, 0.005, 12_000, 40, seed=22
+    ),
+    "dreadlocks": Recipe(
+        "gallery:dreadlocks", DARK, DEEP, OVERCAST, LARGE, 0.004, seed=23
+    ),
+    "pigtails": Recipe("gallery:pigtails", RED, PALE, OVERCAST, LARGE, 0.004, seed=24),
+    "braid": Recipe("gallery:braid", DARK_BLOND, TAN, EVENING, LARGE, 0.004, seed=25),
+    "long-straight": Recipe(
+        "gallery:long-straight", BLOND, PALE, WINDOW, MIDDLE, 0.006, seed=26
+    ),
 }
 
 
