@@ -135,7 +135,7 @@ SCENES: dict[str, Recipe] = {
     "tight-curls": Recipe(
         "gallery:tight-curls", DARK, DEEP, STUDIO, LARGE, 0.003, 8000, 96, seed=12
     ),
-    # These joined when the fit was what it is: it was not made with them in sight.
+    # These joined last: but for how lines leave the braid, no fit was made by them.
     "fringe": Recipe("gallery:fringe", BROWN, PALE, WINDOW, LARGE, 0.004, seed=21),
     "undercut": Recipe(
         "gallery:undercut", DARK, PALE, STUDIO, MIDDLE, 0.005, 12_000, 40, seed=22

@@ -20,6 +20,7 @@ from ..host import on_device
 from ..model.maps import ScalpMaps
 from ..model.strand import Hair
 from ..render.raster import cells, project_points
+from ..types import along_paths
 from .density import texel_means
 
 FREE = 1.5  # pixels of a photograph about its mask that may be hair as well
@@ -97,11 +98,10 @@ def comes_forward(
     Args:
         points: Points of strands, in metres.
     """
-    step = np.linalg.norm(np.diff(points, axis=1), axis=2)
-    along = np.pad(np.cumsum(step, axis=1), [(0, 0), (1, 0)])
-    segments = np.rint(LOOP / np.maximum(step.mean(axis=1), 1e-6)).astype(int)
+    along, most = along_paths(points), points.shape[1] - 1
+    segments = np.rint(LOOP * most / np.maximum(along[:, -1], 1e-6)).astype(int)
     least = np.ones(len(points))
-    for count in np.unique(segments[(segments > 0) & (segments < points.shape[1])]):
+    for count in np.unique(segments[(segments > 0) & (segments <= most)]):
         rows = np.flatnonzero(segments == count)
         chord = points[rows, count:] - points[rows, :-count]
         arc = along[rows, count:] - along[rows, :-count]
