@@ -9,8 +9,8 @@ is the tip's because it comes farther still.
 Lines go astray, over a parting above all, where the field is hardly sure: so what they
 find counts less the more doubt they passed, they say less where they start in doubt,
 and each place takes the mean of what the lines around it say. Lines that graze the
-hull's border, which is made of voxels, go on along it, though not beside the skin,
-where hair begins.
+hull's border, which is made of voxels, go on along it, in as much doubt as where the
+field says nothing, though not beside the skin, where hair begins.
 """
 
 from typing import NamedTuple
@@ -34,7 +34,6 @@ AROUND = 0.018  # metres, the Gaussian over which lines agree
 GRAZING = 0.3  # least cosine to the hull's normal at which a line leaves it
 ALOFT = 0.01  # metres above the skin from which on lines go along the hull
 WITHIN = 0.6  # voxels inside the hull to which a line that grazes it returns
-GRAZE_DOUBT = 0.5  # of the doubt of a field that says nothing, where a line grazes
 
 
 def growth_sense(
@@ -111,7 +110,7 @@ def _farther(
     farther = np.zeros(len(start))
     point, rows, belief = start, np.arange(len(start)), np.ones(len(start))
     fading = np.exp((field.anisotropy - 1.0) * grid.spacing / DOUBT)
-    grazing = np.exp(-GRAZE_DOUBT * grid.spacing / DOUBT)
+    grazing = np.exp(-grid.spacing / DOUBT)
     for _ in range(int(LONGEST / grid.spacing)):
         point, grazes = _kept(hull, outwards, point + grid.spacing * heading, heading)
         at, inside = _voxels(hull, point)
