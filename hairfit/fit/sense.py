@@ -6,6 +6,8 @@ How much farther than where one stands is what counts: towards the root a hair c
 hardly any, so that most lines are as clear near the scalp as far from it. But 3 cm
 farther are a tip for sure: of two ways that both come so far, over a parting, neither
 is the tip's because it comes farther still.
+Of what it gained a line takes back some of what it loses again, unless it came so far:
+a tip is where hair ends, whereas towards the root it may pass over thick hair first.
 Lines go astray, over a parting above all, where the field is hardly sure: so what they
 find counts less the more doubt they passed, they say less where they start in doubt,
 and each place takes the mean of what the lines around it say. Lines that graze the
@@ -25,10 +27,10 @@ from .hull import Hull
 
 EVERY = 2  # voxels along each axis of which one is the start of a line
 LONGEST = 0.5  # metres, either way
-BLUNTEST = 0.5  # cosine of the sharpest turn that a line takes in a voxel
 STRAIGHT = 0.5  # of the way a line came, against that of the field ahead
 DOUBT = 0.015  # metres of a field that says nothing after which a third is believed
 REACHED = 0.03  # metres farther from the scalp than the start: surely a tip
+TAKEN_BACK = 0.5  # of what a line loses again after it came farthest
 SAME = 0.0015  # metres by which such differences hardly differ
 AROUND = 0.018  # metres, the Gaussian over which lines agree
 GRAZING = 0.3  # least cosine to the hull's normal at which a line leaves it
@@ -95,7 +97,8 @@ def _farther(
 ) -> Float[np.ndarray, " lines"]:
     """Return how much farther from the scalp lines come on one way along a field.
 
-    At most `REACHED`, in metres, times how far the way there can be believed.
+    At most `REACHED`, in metres, times how far the way there can be believed. A line
+    that never came so far takes back `TAKEN_BACK` of what it loses until it ends.
 
     Args:
         hull: Lines end where they leave its hair, but go on where they graze it.
@@ -107,7 +110,7 @@ def _farther(
     """
     grid = hull.grid
     here = distance[tuple(grid.voxel(start).T)]
-    farther = np.zeros(len(start))
+    farther, most, lost = (np.zeros(len(start)) for _ in range(3))
     point, rows, belief = start, np.arange(len(start)), np.ones(len(start))
     fading = np.exp((field.anisotropy - 1.0) * grid.spacing / DOUBT)
     grazing = np.exp(-grid.spacing / DOUBT)
@@ -117,16 +120,18 @@ def _farther(
         belief = np.where(grazes, belief * grazing, belief)
         along = field.direction[at]
         cosine = (along * heading).sum(axis=1)
-        on = inside & hull.hair[at] & (np.abs(cosine) > BLUNTEST)
+        on = inside & hull.hair[at]
         if not on.any():
             break
         rows, point, belief = rows[on], point[on], (belief * fading[at])[on]
         gained = np.minimum(distance[at][on] - here[rows], REACHED)
         farther[rows] = np.maximum(farther[rows], belief * gained)
+        most[rows] = np.maximum(most[rows], gained)
+        lost[rows] = np.where(most[rows] < REACHED, belief * (most[rows] - gained), 0.0)
         heading = unit(
             STRAIGHT * heading[on] + np.sign(cosine[on])[:, None] * along[on]
         )
-    return farther
+    return np.maximum(farther - TAKEN_BACK * lost, 0.0)
 
 
 class Kept(NamedTuple):

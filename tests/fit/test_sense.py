@@ -3,7 +3,7 @@ import pytest
 from ball_hair import hull_where
 
 from hairfit.fit.evidence import Field
-from hairfit.fit.sense import DOUBT, REACHED, SAME, growth_sense
+from hairfit.fit.sense import DOUBT, REACHED, SAME, TAKEN_BACK, growth_sense
 
 SPACING = 0.004
 
@@ -63,6 +63,48 @@ def test_what_lies_beyond_doubt_counts_as_far_as_the_way_is_believed():
     ahead = (np.exp(-0.6 * way / DOUBT) * np.minimum(way, REACHED)).max(axis=1)
     told = 0.4 * ahead / (ahead + SAME)
     assert np.allclose(found, told[np.searchsorted(places, x)], atol=1e-9)
+
+
+@pytest.mark.usefixtures("single_lines")
+@pytest.mark.parametrize("steepness", [0.4, 1.0])
+def test_lines_take_back_some_of_what_they_lose_again_but_for_tips(steepness):
+    hull = bar(0.1)
+    x = hull.grid.centres(hull.hair)[:, 0]
+    # As over a ridge of hair, which rises by less than `REACHED`, or by more.
+    places = np.unique(x)
+    ridge = places[len(places) * 3 // 5]
+    away = 0.07 - steepness * np.abs(x - ridge)
+    found = growth_sense(hull, made(hull, along_x(hull)), away)
+    height = 0.07 - steepness * np.abs(places - ridge)
+    left = np.maximum.accumulate(height[::-1])[::-1] - height
+    reached = left > REACHED
+    gain = np.minimum(left, REACHED)
+    lost = np.where(reached, 0.0, left - (height[-1] - height))
+    assert reached.any() == (steepness == 1.0)
+    gain = np.maximum(gain - TAKEN_BACK * lost, 0.0)
+    before = places < ridge
+    assert (gain[before] > 0.0).any()
+    told = (gain / (gain + SAME))[np.searchsorted(places, x)]
+    assert np.allclose(found[x < ridge], told[x < ridge], atol=1e-9)
+
+
+@pytest.mark.usefixtures("single_lines")
+def test_lines_go_on_where_the_field_turns_sharply_from_one_voxel_to_the_next():
+    hull = hull_where(
+        lambda p: (np.abs(p[:, :2]) < 0.05).all(1) & (np.abs(p[:, 2]) < 0.012),
+        [-0.07, -0.07, -0.02],
+        [0.07, 0.07, 0.02],
+        SPACING,
+    )
+    everywhere = np.ones(hull.grid.shape, bool)
+    x = hull.grid.centres(everywhere).reshape(*hull.grid.shape, 3)[..., 0]
+    turn = np.radians(75.0)
+    direction = np.where((x < 0)[..., None], [1, 0, 0], [np.cos(turn), np.sin(turn), 0])
+    x, y, _ = hull.grid.centres(hull.hair).T
+    # Hair comes farther from the scalp only where it has turned.
+    found = growth_sense(hull, made(hull, direction), np.where(x > 0, y + 0.05, 0.0))
+    before = (x < -0.02) & (y > -0.01) & (y < 0.0)
+    assert found[before].min() > 0.9
 
 
 @pytest.mark.usefixtures("single_lines")
