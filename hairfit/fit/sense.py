@@ -118,19 +118,19 @@ def _farther(
         point, grazes = _kept(hull, outwards, point + grid.spacing * heading, heading)
         at, inside = _voxels(hull, point)
         belief = np.where(grazes, belief * grazing, belief)
-        along = field.direction[at]
-        cosine = (along * heading).sum(axis=1)
         on = inside & hull.hair[at]
         if not on.any():
             break
-        rows, point, belief = rows[on], point[on], (belief * fading[at])[on]
-        gained = np.minimum(distance[at][on] - here[rows], REACHED)
+        at = tuple(axis[on] for axis in at)
+        rows, point, heading = rows[on], point[on], heading[on]
+        belief = belief[on] * fading[at]
+        gained = np.minimum(distance[at] - here[rows], REACHED)
         farther[rows] = np.maximum(farther[rows], belief * gained)
         most[rows] = np.maximum(most[rows], gained)
         lost[rows] = np.where(most[rows] < REACHED, belief * (most[rows] - gained), 0.0)
-        heading = unit(
-            STRAIGHT * heading[on] + np.sign(cosine[on])[:, None] * along[on]
-        )
+        along = field.direction[at]
+        same = np.sign((along * heading).sum(axis=1))[:, None]
+        heading = unit(STRAIGHT * heading + same * along)
     return np.maximum(farther - TAKEN_BACK * lost, 0.0)
 
 

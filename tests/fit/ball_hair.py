@@ -145,3 +145,9 @@ def hull_where(inside, low, high, spacing, head=None) -> Hull:
     away = np.asarray(ndimage.distance_transform_edt(~hair))
     deep = np.asarray(ndimage.distance_transform_edt(hair))
     return Hull(grid, hair, np.where(hair, 0.5 - deep, away - 0.5) * spacing, skin)
+
+
+def all_centres(hull: Hull):
+    """Return the centre of every voxel of the hull's grid, an array (x, y, z, 3)."""
+    everywhere = np.ones(hull.grid.shape, bool)
+    return hull.grid.centres(everywhere).reshape(*hull.grid.shape, 3)

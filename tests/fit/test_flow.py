@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from ball_hair import hull_where
+from ball_hair import all_centres, hull_where
 
 from hairfit.fit.evidence import Field
 from hairfit.fit.flow import (
@@ -21,11 +21,6 @@ def signless(hull, direction, seed=0):
     unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], hull.grid.shape)
     return Field(unit * signs[..., None], np.ones(hull.grid.shape))
-
-
-def all_centres(hull):
-    everywhere = np.ones(hull.grid.shape, bool)
-    return hull.grid.centres(everywhere).reshape(*hull.grid.shape, 3)
 
 
 def scalp_at(height, half=0.08, step=0.003):

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from ball_hair import hull_where
+from ball_hair import all_centres, hull_where
 
 from hairfit.fit.evidence import Field
 from hairfit.fit.sense import DOUBT, REACHED, SAME, TAKEN_BACK, growth_sense
@@ -96,8 +96,7 @@ def test_lines_go_on_where_the_field_turns_sharply_from_one_voxel_to_the_next():
         [0.07, 0.07, 0.02],
         SPACING,
     )
-    everywhere = np.ones(hull.grid.shape, bool)
-    x = hull.grid.centres(everywhere).reshape(*hull.grid.shape, 3)[..., 0]
+    x = all_centres(hull)[..., 0]
     turn = np.radians(75.0)
     direction = np.where((x < 0)[..., None], [1, 0, 0], [np.cos(turn), np.sin(turn), 0])
     x, y, _ = hull.grid.centres(hull.hair).T
@@ -155,8 +154,7 @@ def arch(right=0.06):
         return (plate | curtain & (p[:, 1] > lowest)) & (np.abs(p[:, 2]) < 0.02)
 
     hull = hull_where(inside, [-0.07, -0.13, -0.03], [0.07, 0.02, 0.03], SPACING)
-    everywhere = np.ones(hull.grid.shape, bool)
-    centres = hull.grid.centres(everywhere).reshape(*hull.grid.shape, 3)
+    centres = all_centres(hull)
     corner = np.maximum(np.abs(centres[..., 0]) - 0.04, 0.0) / 0.012
     turn = 0.5 * np.pi * np.clip(corner, 0.0, 1.0)
     side = np.sign(centres[..., 0])
@@ -196,8 +194,7 @@ def test_tied_hair_grows_along_the_head_to_where_its_tail_leaves():
         return plate & (np.abs(p[:, 2]) < 0.02) | tail & (np.abs(p[:, 2]) < 0.006)
 
     hull = hull_where(inside, [-0.07, -0.02, -0.03], [0.07, 0.13, 0.03], SPACING)
-    everywhere = np.ones(hull.grid.shape, bool)
-    centres = hull.grid.centres(everywhere).reshape(*hull.grid.shape, 3)
+    centres = all_centres(hull)
     tie = np.array([0.054, 0.0, 0.0])
     turn = 0.5 * np.pi * np.clip((centres[..., 0] - 0.03) / 0.02, 0.0, 1.0)
     bent = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
