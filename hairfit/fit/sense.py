@@ -6,8 +6,9 @@ How much farther than where one stands is what counts: towards the root a hair c
 hardly any, so that most lines are as clear near the scalp as far from it. But 3 cm
 farther are a tip for sure: of two ways that both come so far, over a parting, neither
 is the tip's because it comes farther still.
-Of what it gained a line takes back some of what it loses again, unless it came so far:
-a tip is where hair ends, whereas towards the root it may pass over thick hair first.
+Of what it gained a line takes back what it loses again, unless it came so far: a tip is
+where hair ends, whereas towards the root it may pass over thick hair first. A few
+millimetres it may lose for nothing, as on its way over a lock.
 Lines go astray, over a parting above all, where the field is hardly sure: so what they
 find counts less the more doubt they passed, they say less where they start in doubt,
 and each place takes the mean of what the lines around it say. Lines that graze the
@@ -30,7 +31,7 @@ LONGEST = 0.5  # metres, either way
 STRAIGHT = 0.5  # of the way a line came, against that of the field ahead
 DOUBT = 0.015  # metres of a field that says nothing after which a third is believed
 REACHED = 0.03  # metres farther from the scalp than the start: surely a tip
-TAKEN_BACK = 0.5  # of what a line loses again after it came farthest
+LOSES = 0.003  # metres that a line may lose again after it came farthest
 SAME = 0.0015  # metres by which such differences hardly differ
 AROUND = 0.018  # metres, the Gaussian over which lines agree
 GRAZING = 0.3  # least cosine to the hull's normal at which a line leaves it
@@ -98,7 +99,7 @@ def _farther(
     """Return how much farther from the scalp lines come on one way along a field.
 
     At most `REACHED`, in metres, times how far the way there can be believed. A line
-    that never came so far takes back `TAKEN_BACK` of what it loses until it ends.
+    that never came so far takes back what it loses until it ends, but for `LOSES`.
 
     Args:
         hull: Lines end where they leave its hair, but go on where they graze it.
@@ -127,11 +128,12 @@ def _farther(
         gained = np.minimum(distance[at] - here[rows], REACHED)
         farther[rows] = np.maximum(farther[rows], belief * gained)
         most[rows] = np.maximum(most[rows], gained)
-        lost[rows] = np.where(most[rows] < REACHED, belief * (most[rows] - gained), 0.0)
+        back = np.maximum(most[rows] - gained - LOSES, 0.0)
+        lost[rows] = np.where(most[rows] < REACHED, belief * back, 0.0)
         along = field.direction[at]
         same = np.sign((along * heading).sum(axis=1))[:, None]
         heading = unit(STRAIGHT * heading + same * along)
-    return np.maximum(farther - TAKEN_BACK * lost, 0.0)
+    return np.maximum(farther - lost, 0.0)
 
 
 class Kept(NamedTuple):

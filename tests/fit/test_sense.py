@@ -3,7 +3,7 @@ import pytest
 from ball_hair import all_centres, hull_where
 
 from hairfit.fit.evidence import Field
-from hairfit.fit.sense import DOUBT, REACHED, SAME, TAKEN_BACK, growth_sense
+from hairfit.fit.sense import DOUBT, LOSES, REACHED, SAME, growth_sense
 
 SPACING = 0.004
 
@@ -66,11 +66,12 @@ def test_what_lies_beyond_doubt_counts_as_far_as_the_way_is_believed():
 
 
 @pytest.mark.usefixtures("single_lines")
-@pytest.mark.parametrize("steepness", [0.4, 1.0])
-def test_lines_take_back_some_of_what_they_lose_again_but_for_tips(steepness):
+@pytest.mark.parametrize("steepness", [0.05, 0.4, 1.0])
+def test_lines_take_back_most_of_what_they_lose_again_but_for_tips(steepness):
     hull = bar(0.1)
     x = hull.grid.centres(hull.hair)[:, 0]
-    # As over a ridge of hair, which rises by less than `REACHED`, or by more.
+    # As over a ridge of hair, which falls by less than `LOSES`, rises by less than
+    # `REACHED`, or by more.
     places = np.unique(x)
     ridge = places[len(places) * 3 // 5]
     away = 0.07 - steepness * np.abs(x - ridge)
@@ -79,9 +80,11 @@ def test_lines_take_back_some_of_what_they_lose_again_but_for_tips(steepness):
     left = np.maximum.accumulate(height[::-1])[::-1] - height
     reached = left > REACHED
     gain = np.minimum(left, REACHED)
-    lost = np.where(reached, 0.0, left - (height[-1] - height))
+    lost = np.maximum(left - (height[-1] - height) - LOSES, 0.0)
+    lost = np.where(reached, 0.0, lost)
     assert reached.any() == (steepness == 1.0)
-    gain = np.maximum(gain - TAKEN_BACK * lost, 0.0)
+    assert lost.any() == (steepness > 0.1)
+    gain = np.maximum(gain - lost, 0.0)
     before = places < ridge
     assert (gain[before] > 0.0).any()
     told = (gain / (gain + SAME))[np.searchsorted(places, x)]
