@@ -6,13 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
-from scipy import ndimage
 
 from hairfit.capture import View
 from hairfit.capture.orientation import OrientationMap
 from hairfit.fit.density import TEXELS
 from hairfit.fit.grid import Grid
-from hairfit.fit.hull import Hull
+from hairfit.fit.hull import Hull, hull_of
 from hairfit.model import Scalp
 from hairfit.model.strand import Hair
 from hairfit.render import Camera, mesh_depth, rasterise
@@ -142,9 +141,7 @@ def hull_where(inside, low, high, spacing, head=None) -> Hull:
     skin = np.full(grid.shape, 0.02)
     if head is not None:
         skin = np.asarray(head(points), float).reshape(grid.shape)
-    away = np.asarray(ndimage.distance_transform_edt(~hair))
-    deep = np.asarray(ndimage.distance_transform_edt(hair))
-    return Hull(grid, hair, np.where(hair, 0.5 - deep, away - 0.5) * spacing, skin)
+    return hull_of(grid, hair, skin)
 
 
 def all_centres(hull: Hull):
