@@ -26,7 +26,6 @@ from .stubble import find_stubble
 
 DEPTH_SCALE = 0.006  # metres behind the hull's surface where a photograph fades
 SURFACE_WEIGHT = 0.1  # of "hair lies in the surface", against one sharp photograph
-GUESS_WEIGHT = 0.015  # of what is likely where hair curls, against one sharp photograph
 SMOOTHING = 0.3  # of the diffusion, against one voxel of full evidence
 TOLERANCE = 2e-3  # relative residual at which the diffusion stops
 MOST_STEPS = 400
@@ -163,25 +162,24 @@ def _surface_normal(hull: Hull) -> Float[np.ndarray, "voxels 3"]:
     return -uphill(solid)[hull.hair]
 
 
-def diffuse(hull: Hull, evidence: Evidence, guess: Field | None = None) -> Field:
+def diffuse(hull: Hull, evidence: Evidence, guesses: Sequence[Evidence] = ()) -> Field:
     r"""Fill the hull with directions from the evidence, and carry them past its border.
 
     The tensors $T$ of all voxels minimise $w |T - d d^T|^2 + \lambda |\nabla T|^2$, and
-    for a guess $g$ also $w_g |T - g g^T|^2$; conjugate gradients, first on every second
-    voxel, then on all.
+    for each guess $g$ also $w_g |T - g g^T|^2$; conjugate gradients, first on every
+    second voxel, then on all.
 
     Args:
         hull: Where hair can be.
         evidence: What photographs say.
-        guess: What is likely without them, which says a little everywhere.
+        guesses: What is likely without them.
     """
     index = np.argwhere(hull.hair)
-    target, weight = matrix_entries(evidence.direction), evidence.weight
-    if guess is not None:
-        known = weight[:, None] * target
-        weight = weight + GUESS_WEIGHT
-        known += GUESS_WEIGHT * matrix_entries(guess.direction[hull.hair])
-        target = known / weight[:, None]
+    told = (evidence, *guesses)
+    weight = sum((one.weight for one in told), np.zeros(len(index)))
+    known = [one.weight[:, None] * matrix_entries(one.direction) for one in told]
+    target = sum(known, np.zeros((len(index), 6)))
+    target /= np.maximum(weight, 1e-12)[:, None]
     half, member = np.unique(index // 2, axis=0, return_inverse=True)
     member = member.ravel()
     total = np.bincount(member, weight)

@@ -28,10 +28,11 @@ from scipy.spatial import KDTree
 
 from ..capture.capture import View
 from .curls import Curls
-from .evidence import Field, diffuse, gather
+from .evidence import Evidence, Field, diffuse, gather
 from .grid import nearest_in, neighbours
 from .hull import Hull
 from .sense import growth_sense
+from .tails import find_tails, pull_of
 
 # How sharply hair runs along the direction: the exponent of the cosine between the
 # direction and the step to a neighbour.
@@ -53,6 +54,7 @@ STANDS, HANGS = 0.4, 1.0
 LOW, HIGH = 0.65, 0.85  # these heights, against its reach
 CROWN = 0.8  # least cosine between a scalp's normal and straight up on the crown
 GUESSED = 0.5  # its anisotropy
+GUESS_WEIGHT = 0.015  # of what is likely, against one sharp photograph
 STEPS = np.array(
     [
         (i, j, k)
@@ -111,7 +113,8 @@ def hair_field(
 ) -> Field:
     """Return which way hair runs: what photographs tell, or its outline if they do not.
 
-    Where hair curls, part of what they tell is wrong, and that locks hang joins in.
+    Where hair curls, part of what they tell is wrong, and that locks hang joins in; so
+    does that hair runs to a tie, where one is near.
 
     Args:
         hull: Where hair can be.
@@ -124,8 +127,21 @@ def hair_field(
     if not curls.told:
         fall = how_it_falls(hull, scalp_points, scalp_normals)
         return fallen(hull, scalp_points, fall)
-    guess = fallen(hull, scalp_points, HANGS) if curls.radius > 0.0 else None
-    return diffuse(hull, gather(hull, views, curls.maps, depths), guess)
+    guesses = [_to_ties(hull, scalp_points)]
+    if curls.radius > 0.0:
+        hanging = fallen(hull, scalp_points, HANGS).direction[hull.hair]
+        guesses.append(Evidence(hanging, np.full(len(hanging), GUESS_WEIGHT)))
+    return diffuse(hull, gather(hull, views, curls.maps, depths), guesses)
+
+
+def _to_ties(hull: Hull, scalp_points: Float[np.ndarray, "points 3"]) -> Evidence:
+    """Return the guess that hair near a tie runs straight to it."""
+    centres = hull.grid.centres(hull.hair)
+    away = KDTree(scalp_points).query(centres, workers=-1)[0]
+    tails = find_tails(hull, away)
+    pull = pull_of(tails, centres)
+    weight = np.where(tails.hair, 0.0, GUESS_WEIGHT * pull.nearness)
+    return Evidence(pull.towards, weight)
 
 
 def how_it_falls(

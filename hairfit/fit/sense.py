@@ -14,6 +14,10 @@ find counts less the more doubt they passed, they say less where they start in d
 and each place takes the mean of what the lines around it say. Lines that graze the
 hull's border, which is made of voxels, go on along it, in as much doubt as where the
 field says nothing, though not beside the skin, where hair begins.
+Where a tail leaves the head (`tails.py`), the hair around goes to its tie, the nearer
+the surer: a line gains by coming to a tie as by coming farther from the scalp, and hair
+beside one grows towards it. From the nape it grows up to the tie, though lines there
+lead down as well, into the few loose hairs that are farther from the scalp.
 """
 
 from typing import NamedTuple
@@ -25,6 +29,7 @@ from ..render.raster import unit
 from .evidence import Field
 from .grid import blurred, uphill
 from .hull import Hull
+from .tails import find_tails, pull_of
 
 EVERY = 2  # voxels along each axis of which one is the start of a line
 LONGEST = 0.5  # metres, either way
@@ -37,6 +42,8 @@ AROUND = 0.018  # metres, the Gaussian over which lines agree
 GRAZING = 0.3  # least cosine to the hull's normal at which a line leaves it
 ALOFT = 0.01  # metres above the skin from which on lines go along the hull
 WITHIN = 0.6  # voxels inside the hull to which a line that grazes it returns
+GATHERED = 0.06  # metres farther from the scalp that a tie counts as
+DRAWN = 0.5  # of what lines say: that hair beside a tie grows straight to it
 
 
 def growth_sense(
@@ -57,8 +64,10 @@ def growth_sense(
     some = (voxels % EVERY == 0).all(axis=1)
     start = hull.grid.centres(hull.hair)[some]
     heading = field.direction[hull.hair][some]
+    tails = find_tails(hull, away)
+    pull = pull_of(tails, hull.grid.centres(hull.hair))
     distance = np.zeros(hull.grid.shape)
-    distance[hull.hair] = away
+    distance[hull.hair] = away + GATHERED * pull.nearness
     outwards = uphill(hull.distance)
     ahead, behind = (
         _farther(hull, outwards, field, distance, start, way * heading)
@@ -68,7 +77,9 @@ def growth_sense(
     told *= field.anisotropy[hull.hair][some]
     started = np.zeros(hull.grid.shape, bool)
     started[tuple(voxels[some].T)] = True
-    return _mean_around(hull, field, started, told[:, None] * heading)
+    drawn = np.where(tails.hair, 0.0, DRAWN * pull.nearness)
+    drawn *= (pull.towards * field.direction[hull.hair]).sum(axis=1)
+    return _mean_around(hull, field, started, told[:, None] * heading) + drawn
 
 
 def _mean_around(

@@ -200,8 +200,8 @@ def test_a_guess_holds_where_photographs_are_silent_and_nowhere_else():
     hull = box((60, 3, 3))
     count = hull.hair.sum()
     weight = (np.argwhere(hull.hair)[:, 0] < 3).astype(float)
-    guess = diffuse(hull, Evidence(at_angle(100.0, count), np.ones(count)))
-    field = diffuse(hull, Evidence(at_angle(10.0, count), weight), guess)
+    guess = Evidence(at_angle(100.0, count), np.full(count, 0.015))
+    field = diffuse(hull, Evidence(at_angle(10.0, count), weight), [guess])
     first, last = field.direction[1, 1, 1], field.direction[-2, 1, 1]
     assert abs(first @ at_angle(10.0, 1)[0]) > 0.999
     assert abs(last @ at_angle(100.0, 1)[0]) > 0.95

@@ -1,0 +1,90 @@
+"""Tails: much hair that leaves the head through a narrow place, as a tie leaves it.
+
+Photographs hardly show how hair comes to a tie, but the hull shows the tie. Of all hair
+farther from the scalp than a few centimetres, a tail is a piece of its own with a
+narrow base and much behind it. Locks that hang have less behind their bases, and hair
+that falls all around, or stands off, has wide ones.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.spatial import KDTree
+
+from ..render.raster import unit
+from .bridges import pieces_of
+from .hull import Hull
+
+# Distances from the scalp beyond which tails are looked for, nearest first, in metres:
+# there a tie is, or just before.
+LEVELS = np.arange(0.015, 0.041, 0.0025)
+WIDEST = 25e-4  # square metres of the base of a tail, at most
+LONGEST_PART = 0.15  # metres: a tail's volume over its base is as long at least
+LEAST = 0.05  # of the hull's volume is a tail, at least
+NEAR = 0.045  # metres from a tie, the length of a Gaussian: hair there goes to it
+
+
+class Tails(NamedTuple):
+    """Where tails are, and where they begin.
+
+    Attributes:
+        hair: Which voxels of hair are of a tail.
+        ties: The middles of their bases, in metres.
+    """
+
+    hair: Bool[np.ndarray, " voxels"]
+    ties: Float[np.ndarray, "tails 3"]
+
+
+def find_tails(hull: Hull, away: Float[np.ndarray, " voxels"]) -> Tails:
+    """Return the tails of a hull.
+
+    Args:
+        hull: Where hair can be.
+        away: How far each voxel of hair is from the scalp, in metres.
+    """
+    spacing = hull.grid.spacing
+    distance = np.zeros(hull.grid.shape)
+    distance[hull.hair] = away
+    tails, ties = np.zeros(hull.grid.shape, bool), []
+    for level in LEVELS:
+        pieces = pieces_of(hull.hair & (distance > level))
+        sizes = np.bincount(pieces.ravel())
+        begins = np.bincount(pieces[distance <= level + spacing], minlength=len(sizes))
+        narrow = begins * spacing**2 <= WIDEST
+        longest = sizes * spacing >= LONGEST_PART * begins
+        fits = narrow & longest & (sizes >= LEAST * len(away)) & (begins > 0)
+        fits[0] = False
+        fits[np.unique(pieces[tails])] = False
+        tails |= fits[pieces]
+        for label in np.flatnonzero(fits):
+            base = (pieces == label) & (distance <= level + spacing)
+            ties.append(hull.grid.centres(base).mean(axis=0))
+    return Tails(tails[hull.hair], np.reshape(ties, (-1, 3)))
+
+
+class Pull(NamedTuple):
+    """How near hair is to a tie, and the way there.
+
+    Attributes:
+        nearness: 1 at the tie and in its tail, 0 far from it.
+        towards: Unit vectors to the nearest tie.
+    """
+
+    nearness: Float[np.ndarray, " voxels"]
+    towards: Float[np.ndarray, "voxels 3"]
+
+
+def pull_of(tails: Tails, centres: Float[np.ndarray, "voxels 3"]) -> Pull:
+    """Return where tails draw hair.
+
+    Args:
+        tails: The tails.
+        centres: Of the voxels of hair, in metres.
+    """
+    if not len(tails.ties):
+        return Pull(np.zeros(len(centres)), np.zeros_like(centres))
+    gap, nearest = KDTree(tails.ties).query(centres, workers=-1)
+    nearness = np.where(tails.hair, 1.0, np.exp(-((gap / NEAR) ** 2)))
+    return Pull(nearness, unit(tails.ties[nearest] - centres))
