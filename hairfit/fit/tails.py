@@ -20,7 +20,7 @@ from .hull import Hull
 # there a tie is, or just before.
 LEVELS = np.arange(0.015, 0.041, 0.0025)
 WIDEST = 25e-4  # square metres of the base of a tail, at most
-LONGEST_PART = 0.15  # metres: a tail's volume over its base is as long at least
+LONG = 0.15  # metres, of a tail's volume over its base, at least
 LEAST = 0.05  # of the hull's volume is a tail, at least
 NEAR = 0.045  # metres from a tie, the length of a Gaussian: hair there goes to it
 
@@ -44,24 +44,23 @@ def find_tails(hull: Hull, away: Float[np.ndarray, " voxels"]) -> Tails:
         hull: Where hair can be.
         away: How far each voxel of hair is from the scalp, in metres.
     """
-    spacing = hull.grid.spacing
-    distance = np.zeros(hull.grid.shape)
-    distance[hull.hair] = away
-    tails, ties = np.zeros(hull.grid.shape, bool), []
+    spacing, centres = hull.grid.spacing, hull.grid.centres(hull.hair)
+    tail, ties = np.zeros(len(away), bool), []
+    beyond = np.zeros(hull.grid.shape, bool)
     for level in LEVELS:
-        pieces = pieces_of(hull.hair & (distance > level))
-        sizes = np.bincount(pieces.ravel())
-        begins = np.bincount(pieces[distance <= level + spacing], minlength=len(sizes))
-        narrow = begins * spacing**2 <= WIDEST
-        longest = sizes * spacing >= LONGEST_PART * begins
-        fits = narrow & longest & (sizes >= LEAST * len(away)) & (begins > 0)
+        beyond[hull.hair] = away > level
+        piece = pieces_of(beyond)[hull.hair]
+        begins = away <= level + spacing
+        size = np.bincount(piece)
+        base = np.bincount(piece[begins], minlength=len(size))
+        fits = (base > 0) & (base * spacing**2 <= WIDEST)
+        fits &= (size * spacing >= LONG * base) & (size >= LEAST * len(away))
         fits[0] = False
-        fits[np.unique(pieces[tails])] = False
-        tails |= fits[pieces]
+        fits[piece[tail]] = False
+        tail |= fits[piece]
         for label in np.flatnonzero(fits):
-            base = (pieces == label) & (distance <= level + spacing)
-            ties.append(hull.grid.centres(base).mean(axis=0))
-    return Tails(tails[hull.hair], np.reshape(ties, (-1, 3)))
+            ties.append(centres[begins & (piece == label)].mean(axis=0))
+    return Tails(tail, np.reshape(ties, (-1, 3)))
 
 
 class Pull(NamedTuple):
