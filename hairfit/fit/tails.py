@@ -30,7 +30,7 @@ class Tails(NamedTuple):
 
     Attributes:
         hair: Which voxels of hair are of a tail.
-        ties: The middles of their bases, in metres.
+        ties: The middles of their narrowest bases, in metres.
     """
 
     hair: Bool[np.ndarray, " voxels"]
@@ -45,7 +45,7 @@ def find_tails(hull: Hull, away: Float[np.ndarray, " voxels"]) -> Tails:
         away: How far each voxel of hair is from the scalp, in metres.
     """
     spacing, centres = hull.grid.spacing, hull.grid.centres(hull.hair)
-    tail, ties = np.zeros(len(away), bool), []
+    tail, found = np.zeros(len(away), bool), []
     beyond = np.zeros(hull.grid.shape, bool)
     for level in LEVELS:
         beyond[hull.hair] = away > level
@@ -56,10 +56,18 @@ def find_tails(hull: Hull, away: Float[np.ndarray, " voxels"]) -> Tails:
         fits = (base > 0) & (base * spacing**2 <= WIDEST)
         fits &= (size * spacing >= LONG * base) & (size >= LEAST * len(away))
         fits[0] = False
-        fits[piece[tail]] = False
-        tail |= fits[piece]
         for label in np.flatnonzero(fits):
-            ties.append(centres[begins & (piece == label)].mean(axis=0))
+            mine = piece == label
+            middle = centres[begins & mine].mean(axis=0)
+            for k, (whole, narrowest, _) in enumerate(found):
+                if whole[mine].any():
+                    if base[label] < narrowest:
+                        found[k] = (whole, base[label], middle)
+                    break
+            else:
+                found.append((mine, base[label], middle))
+                tail |= mine
+    ties = [middle for _, _, middle in found]
     return Tails(tail, np.reshape(ties, (-1, 3)))
 
 
