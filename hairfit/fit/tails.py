@@ -45,7 +45,8 @@ def find_tails(hull: Hull, away: Float[np.ndarray, " voxels"]) -> Tails:
         away: How far each voxel of hair is from the scalp, in metres.
     """
     spacing, centres = hull.grid.spacing, hull.grid.centres(hull.hair)
-    tail, found = np.zeros(len(away), bool), []
+    tail = np.zeros(len(away), int)  # its number, from 1 on
+    narrowest, ties = [], []
     beyond = np.zeros(hull.grid.shape, bool)
     for level in LEVELS:
         beyond[hull.hair] = away > level
@@ -59,16 +60,14 @@ def find_tails(hull: Hull, away: Float[np.ndarray, " voxels"]) -> Tails:
         for label in np.flatnonzero(fits):
             mine = piece == label
             middle = centres[begins & mine].mean(axis=0)
-            for k, (whole, narrowest, _) in enumerate(found):
-                if whole[mine].any():
-                    if base[label] < narrowest:
-                        found[k] = (whole, base[label], middle)
-                    break
-            else:
-                found.append((mine, base[label], middle))
-                tail |= mine
-    ties = [middle for _, _, middle in found]
-    return Tails(tail, np.reshape(ties, (-1, 3)))
+            number = int(tail[mine].max())  # farther out, all of it is of one tail
+            if not number:
+                tail[mine] = len(ties) + 1
+                narrowest.append(base[label])
+                ties.append(middle)
+            elif base[label] < narrowest[number - 1]:
+                narrowest[number - 1], ties[number - 1] = base[label], middle
+    return Tails(tail > 0, np.reshape(ties, (-1, 3)))
 
 
 class Pull(NamedTuple):
