@@ -47,6 +47,8 @@ STEADY = 0.4  # times a cluster's width between its knots, likewise
 LEAST_PACE = 0.001
 SHORTEST = 1e-4  # metres: a piece of a strand counts as no shorter
 FREE_TURN = 0.5  # radians that strands turn at a joint before it counts as a kink
+ZIGZAG = 1.0  # likewise of skeletons, whose knots may be far apart
+ZIGZAGS_COUNT = 4.0  # against kinks of strands
 
 
 @dataclasses.dataclass(frozen=True)
@@ -387,8 +389,11 @@ def descend(
             prior += jnp.mean((jnp.diff(change, axis=1) / config.sigma_map) ** 2)
         stretch = stretched(before, strands) / config.sigma_stretch
         prior = filled * prior + jnp.mean(stretch**2)
-        kinks = jnp.maximum(turns(strands) - FREE_TURN**2, 0.0)
-        prior += jnp.mean(kinks) / config.sigma_turn**2
+        kinks = jnp.mean(jnp.maximum(turns(strands) - FREE_TURN**2, 0.0))
+        # A skeleton may turn to and fro between the points of its strands.
+        zigzag = jnp.maximum(turns(cylinder.skeleton) - ZIGZAG**2, 0.0)
+        kinks += ZIGZAGS_COUNT * filled * jnp.mean(zigzag)
+        prior += kinks / config.sigma_turn**2
         found = image_loss(strands, given.seen, problem.maps, mesh)
         found += bare_loss(strands, given.pulls, problem.maps)
         found += config.field * field_loss(strands, problem.volume)

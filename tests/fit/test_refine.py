@@ -1,3 +1,5 @@
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -236,6 +238,23 @@ def test_strands_that_stand_still_have_a_gradient():
     strands = jnp.zeros((2, 5, 3)).at[0, 2:].set(0.01)
     gradient = jax.grad(lambda p: jnp.sum(turns(p)))(strands)
     assert np.isfinite(np.asarray(gradient)).all()
+
+
+def test_skeletons_do_not_turn_to_and_fro_between_points_of_strands(tree, scene):
+    taken, samples, maps, head = scene
+    truth = strands_of(single(tree), samples).reshape(-1, 3)
+    aside = 0.006 * (-1.0) ** np.arange(KNOTS)
+    aside[0] = 0.0
+    zigzag = jnp.asarray(aside[None, :, None] * [1.0, 0.0, -1.0])
+    wrong = eqx.tree_at(
+        lambda x: x.cylinder.skeleton, tree, tree.cylinder.skeleton + zigzag
+    )
+    # Each strand has a point at every other knot.
+    few = dataclasses.replace(CONFIG, points=KNOTS // 2)
+    given = samples, Photographs(taken.views, taken.depths, maps), head, truth
+    found = refine(single(wrong), *given, few)
+    before, after = (float(turns(t.cylinder.skeleton).mean()) for t in (wrong, found))
+    assert after < 0.5 * before
 
 
 def straight_clusters(tree, lengths, width):
