@@ -339,6 +339,11 @@ def turns(
     return jnp.sum(jnp.diff(ways / jnp.sqrt(square + SHORTEST**2), axis=1) ** 2, axis=2)
 
 
+def beyond(free: float, strands: Float[Array, "strands knots 3"]) -> Float[Array, ""]:
+    """Return the mean of what `turns` have beyond a free turn, in radians."""
+    return jnp.mean(jnp.maximum(turns(strands) - free**2, 0.0))
+
+
 def carry(
     before: Guide, after: Guide, skeleton: Float[Array, "knots 3"]
 ) -> Float[Array, "knots 3"]:
@@ -389,10 +394,9 @@ def descend(
             prior += jnp.mean((jnp.diff(change, axis=1) / config.sigma_map) ** 2)
         stretch = stretched(before, strands) / config.sigma_stretch
         prior = filled * prior + jnp.mean(stretch**2)
-        kinks = jnp.mean(jnp.maximum(turns(strands) - FREE_TURN**2, 0.0))
+        kinks = beyond(FREE_TURN, strands)
         # A skeleton may turn to and fro between the points of its strands.
-        zigzag = jnp.maximum(turns(cylinder.skeleton) - ZIGZAG**2, 0.0)
-        kinks += ZIGZAGS_COUNT * filled * jnp.mean(zigzag)
+        kinks += ZIGZAGS_COUNT * filled * beyond(ZIGZAG, cylinder.skeleton)
         prior += kinks / config.sigma_turn**2
         found = image_loss(strands, given.seen, problem.maps, mesh)
         found += bare_loss(strands, given.pulls, problem.maps)
