@@ -3,7 +3,8 @@
 Where hair curls, what a pixel shows is the side of a turn, not the lock. Over the area
 of a turn the angles average to the lock's own direction, or nearly so; along the lock
 they repeat after a turn: `repeats` tells how long it is, and better which way the lock
-runs. Waves repeat as well, but hardly leave their locks: they are taken as they look.
+runs. Waves repeat as well, but hardly leave their locks: they are taken as they look,
+and how high they are is told like how large turns are, see `waves`.
 
 Where nothing repeats, hair may still curl, too finely to be seen: maps are hardly sure
 of any direction, nor are those of smoother photographs, which show what noise hides.
@@ -37,7 +38,7 @@ from ..model.tree import HairTree, leaves
 from ..types import along_paths
 from .hull import Hull, pixel_sizes
 from .repeats import find_pitch, repeating_lines, repeats
-from .slopes import cross_locks, mean_cosine, slope_of
+from .slopes import Crossing, cross_locks, mean_cosine, slope_of, wave_slope_of
 
 # Standard deviation of the Gaussian over which angles are averaged, in metres: half of
 # a turn of the curls that can be seen.
@@ -76,6 +77,7 @@ class Curls(NamedTuple):
         told: Whether they tell which way it runs; if not, they say nothing.
         wave: Length after which hair repeats that waves but does not curl, in metres, 0
             for all other hair.
+        height: Of such waves, from their middle lines to their crests, in metres.
     """
 
     radius: float
@@ -83,6 +85,7 @@ class Curls(NamedTuple):
     maps: list[OrientationMap]
     told: bool
     wave: float = 0.0
+    height: float = 0.0
 
 
 class SeenLocks(NamedTuple):
@@ -123,7 +126,10 @@ def see_curls(
         if swing(some[1], [locks.maps[k] for k in few]) > LEAST_SWING:
             return Curls(locks.radius, pitch, locks.maps, True)
     if show_direction(*some):
-        return Curls(0.0, 0.0, list(maps), True, pitch or 0.0)
+        wave = pitch or 0.0
+        hair = [views[k].hair for k in few], some[1], [pixels[k] for k in few]
+        height = wave_height(*hair, wave) if wave > 0.0 else 0.0
+        return Curls(0.0, 0.0, list(maps), True, wave, height)
     mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
     return Curls(UNSEEN, PITCH * UNSEEN, mute, False)
 
@@ -142,11 +148,42 @@ def see_locks(
         pixels: Widths of a pixel, in metres.
         pitch: Length of a turn, in metres.
     """
-    again = list(abreast(repeating_lines, hair, maps, pixels, [pitch] * len(hair)))
-    crossing = np.sum(list(abreast(cross_locks, hair, maps, again)), axis=0)
+    again, crossing = ways_of_locks(hair, maps, pixels, pitch)
     given = hair, maps, pixels, again, [mean_cosine(crossing)] * len(hair)
     radius = pitch * slope_of(crossing) / (2.0 * math.pi)
     return SeenLocks(list(abreast(lock_directions, *given)), radius)
+
+
+def wave_height(
+    hair: Sequence[Bool[np.ndarray, "height width"]],
+    maps: Sequence[OrientationMap],
+    pixels: Sequence[float],
+    wave: float,
+) -> float:
+    """Return how high waves are, from their middle lines to their crests, in metres.
+
+    Args:
+        hair: Which pixels of each photograph are hair.
+        maps: The orientation maps.
+        pixels: Widths of a pixel, in metres.
+        wave: Length of a wave, in metres.
+    """
+    crossing = ways_of_locks(hair, maps, pixels, wave)[1]
+    return wave * wave_slope_of(crossing) / (2.0 * math.pi)
+
+
+def ways_of_locks(
+    hair: Sequence[Bool[np.ndarray, "height width"]],
+    maps: Sequence[OrientationMap],
+    pixels: Sequence[float],
+    pitch: float,
+) -> tuple[list[Float[np.ndarray, "height width 2"]], Crossing]:
+    """Return along which way hair repeats, and at which angles it crosses that.
+
+    Arguments are those of `see_locks`.
+    """
+    again = list(abreast(repeating_lines, hair, maps, pixels, [pitch] * len(hair)))
+    return again, np.sum(list(abreast(cross_locks, hair, maps, again)), axis=0)
 
 
 def swing(maps: Sequence[OrientationMap], locks: Sequence[OrientationMap]) -> float:

@@ -4,6 +4,7 @@ import dataclasses
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -52,7 +53,7 @@ from .gather import Rooted, gather_strands
 from .grow import grow, space_of, steps_on
 from .hull import Hull, carve
 from .locks import with_locks
-from .presets import PRESETS, Preset, for_waves
+from .presets import PRESETS, Preset, by_photographs, for_waves
 from .prune import prune
 from .refine import Photographs, refine
 from .residuals import photo_maps
@@ -82,6 +83,7 @@ from .treeify import (
 )
 from .trust import mute_clipped
 from .volume import hair_volume, inner_places
+from .waves import with_lost_waves, with_waves
 
 Progress = Callable[[str, float], None]
 
@@ -174,17 +176,26 @@ def fit_capture(
     progress("refining the tree", 0.49)
     alike = {"points": preset.refine.points, "room": room}
     tree = prune(tree, _samples(tree, preset, config), hull, **alike)
-    tree = refine(
-        tree,
-        _samples(tree, preset, config),
-        Photographs(views, depths, photo_maps(views, maps, depths)),
-        hair_volume(hull, first.field),
-        inner_places(hull),
-        preset.refine,
-        progress=lambda share: progress("refining the tree", 0.49 + 0.37 * share),
+    refined = partial(
+        refine,
+        samples=_samples(tree, preset, config),
+        photographs=Photographs(views, depths, photo_maps(views, maps, depths)),
+        volume=hair_volume(hull, first.field),
+        places=inner_places(hull),
         room=room,
         enough=lambda: stop is not None and time.monotonic() - start > stop,
     )
+    tree = refined(
+        tree,
+        config=preset.refine,
+        progress=lambda share: progress("refining the tree", 0.49 + 0.37 * share),
+    )
+    wave = first.curls.wave, first.curls.height
+    if first.curls.height > 0.0:
+        progress("waving the hair", 0.85)
+        tree = with_waves(tree, hull, first.field, *wave, room=room)
+        tree = refined(tree, config=by_photographs(preset.refine))
+        tree = with_lost_waves(tree, *wave, room=room)
     tree = prune(tree, _samples(tree, preset, config), hull, **alike)
     progress("finding what is certain", 0.86)
     with ThreadPoolExecutor(1) as beside:
@@ -238,6 +249,8 @@ def fit_capture(
         "direction_seen": first.curls.told,
         "curl_radius_mm": 1e3 * first.curls.radius,
         "curl_pitch_mm": 1e3 * first.curls.pitch,
+        "wave_length_mm": 1e3 * first.curls.wave,
+        "wave_height_mm": 1e3 * first.curls.height,
         "median_length_mm": 1e3 * float(np.median(strand_lengths(hair.strands))),
     }
     return FitResult(
@@ -327,6 +340,8 @@ def _first_tree(
         if curls.wave > 0.0:
             preset = for_waves(preset)
             compile_for(preset.knots)
+            wavy = shapes._replace(knots=preset.knots)
+            ahead(compile_refinement, wavy, by_photographs(preset.refine))
         hull = carve_by_consistency(hull, views, maps, depths, curls.radius > 0.0)
         scalp = capture.scalp or wrapped_scalp(shots, head)
         progress("growing strands", 0.27)

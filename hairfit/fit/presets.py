@@ -1,10 +1,12 @@
 """What the qualities of a fit mean."""
 
+import dataclasses
 from typing import NamedTuple
 
 from .cost import Quality
 from .refine import RefineConfig
 
+WAVY_POINTS = 40  # of each strand, where waves are compared with photographs
 WAVY = 2  # times as many knots follow waves, of which a skeleton else has three each
 
 
@@ -41,6 +43,12 @@ PRESETS: dict[Quality, Preset] = {
         RefineConfig(rounds=4, steps=25, strands=5000, points=32),
     ),
 }
+
+
+def by_photographs(config: RefineConfig) -> RefineConfig:
+    """Return how waves are refined: by photographs, as the field smooths them."""
+    points = max(config.points, WAVY_POINTS)
+    return dataclasses.replace(config, rounds=1, steps=10, points=points, field=0.0)
 
 
 def for_waves(preset: Preset) -> Preset:

@@ -84,6 +84,27 @@ def test_hair_that_waves_tells_how_long_a_wave_is(radius, length):
     assert found.maps[0] is maps[0]
 
 
+def waving(height, length):
+    """Return locks of hairs that hang, each lock waving in a plane of its own."""
+    strands = curtain(0.003, 0.03)
+    rng = np.random.default_rng(1)
+    lock = np.unique(
+        np.round(strands[:, :, 0].mean(axis=1) / 0.0066), return_inverse=True
+    )[1]
+    turn, phase = 2.0 * np.pi * rng.random((2, lock.max() + 1))
+    x, y = strands[:, :, 0].mean(axis=1)[:, None], strands[:, :, 1]
+    off = height * np.cos(2.0 * np.pi / length * y + phase[lock][:, None])
+    across, deep = np.cos(turn[lock])[:, None], np.sin(turn[lock])[:, None]
+    return np.stack([x + across * off, y, deep * off], axis=-1)
+
+
+@pytest.mark.parametrize(("height", "length"), [(0.0026, 0.045), (0.004, 0.06)])
+def test_hair_that_waves_tells_how_high_its_waves_are(height, length):
+    found = see_curls(HULL, *seen(waving(height, length)))
+    assert found.wave == pytest.approx(length, rel=0.05)
+    assert found.height == pytest.approx(height, rel=0.08)
+
+
 def test_neither_curls_nor_a_bend_are_waves():
     assert see_curls(HULL, *seen(curtain(0.005, 0.03))).wave == 0.0
     assert see_curls(HULL, *seen(curtain(bend=0.03))).wave == 0.0

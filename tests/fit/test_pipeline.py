@@ -160,9 +160,12 @@ def test_skeletons_of_wavy_hair_have_twice_the_knots(fitted, capture, monkeypatc
     monkeypatch.setattr(
         pipeline,
         "see_curls",
-        lambda _, views, maps, *__: Curls(0.0, 0.0, list(maps), True, wave=0.04),
+        lambda _, views, maps, *__: Curls(0.0, 0.0, list(maps), True, 0.04, 0.004),
     )
-    wavy, straight = fit_capture(capture, CONFIG).tree, fitted[0].tree
+    result = fit_capture(capture, CONFIG)
+    assert result.figures["wave_length_mm"] == 40.0
+    assert result.figures["wave_height_mm"] == 4.0
+    wavy, straight = result.tree, fitted[0].tree
     assert straight.cylinder.skeleton.shape[1] == COARSE.knots
     assert wavy.cylinder.skeleton.shape[1] == 2 * COARSE.knots
 

@@ -10,6 +10,7 @@ from hairfit.fit.slopes import (
     cross_locks,
     mean_cosine,
     slope_of,
+    wave_slope_of,
 )
 
 SIZE = 50
@@ -45,6 +46,15 @@ def test_the_mean_cosine_of_fronts_has_a_closed_form(slope):
     # The mean of (1 - w) / (1 + w) over u from 0 to 1, w = slope^2 (1 - u^2).
     true = 2.0 * np.arcsinh(slope) / (slope * np.hypot(1.0, slope)) - 1.0
     assert mean_cosine(crossing) == pytest.approx(true, abs=1e-3)
+
+
+@pytest.mark.parametrize("slope", [0.2, 0.45, 1.0])
+def test_waves_in_planes_that_are_seen_at_any_angle_get_their_slope_back(slope):
+    even = np.pi * (np.arange(1000) + 0.5) / 1000
+    across = slope * np.abs(np.cos(even)[:, None] * np.cos(even))
+    crossing = np.histogram(np.arctan(across), EDGES)[0].astype(float)
+    assert wave_slope_of(crossing) == pytest.approx(slope, rel=0.02)
+    assert wave_slope_of(np.zeros(BINS)) == 0.0
 
 
 def test_hair_that_crosses_at_a_right_angle_has_a_finite_slope():
