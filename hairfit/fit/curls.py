@@ -47,6 +47,9 @@ LOCK = 0.016
 # angle. Drawn curls have 0.49, ringlets 0.64, waves 0.07: waves are nearer to their
 # mean direction than to waves of another phase.
 LEAST_SWING = 0.2
+# Slope from which on hair does not wave. Drawn waves have 0.4 to 0.7; of hair that does
+# not repeat at all, 1.4 and more is found.
+STEEPEST_WAVE = 1.0
 # Maps that are surer in the mean show a direction. Drawn afros and ringlets have 0.07
 # and 0.16; straight, waved and tied hair has more than 0.2 unless noise hides it.
 SURE = 0.17
@@ -127,8 +130,8 @@ def see_curls(
             return Curls(locks.radius, pitch, locks.maps, True)
     if show_direction(*some):
         wave = pitch or 0.0
-        hair = [views[k].hair for k in few], some[1], [pixels[k] for k in few]
-        height = wave_height(*hair, wave) if wave > 0.0 else 0.0
+        hair = [view.hair for view in views]
+        height = wave_height(hair, maps, pixels, wave) if wave > 0.0 else 0.0
         return Curls(0.0, 0.0, list(maps), True, wave, height)
     mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
     return Curls(UNSEEN, PITCH * UNSEEN, mute, False)
@@ -162,14 +165,17 @@ def wave_height(
 ) -> float:
     """Return how high waves are, from their middle lines to their crests, in metres.
 
+    None at all where hair crosses what should be its locks too steeply: these repeat
+    by chance.
+
     Args:
         hair: Which pixels of each photograph are hair.
         maps: The orientation maps.
         pixels: Widths of a pixel, in metres.
         wave: Length of a wave, in metres.
     """
-    crossing = ways_of_locks(hair, maps, pixels, wave)[1]
-    return wave * wave_slope_of(crossing) / (2.0 * math.pi)
+    slope = wave_slope_of(ways_of_locks(hair, maps, pixels, wave)[1])
+    return wave * slope / (2.0 * math.pi) if slope < STEEPEST_WAVE else 0.0
 
 
 def ways_of_locks(

@@ -15,6 +15,7 @@ from hairfit.fit.curls import (
     points_for,
     see_curls,
     see_locks,
+    wave_height,
 )
 from hairfit.fit.hull import pixel_sizes
 from hairfit.io.strands import load_strands
@@ -103,6 +104,15 @@ def test_hair_that_waves_tells_how_high_its_waves_are(height, length):
     found = see_curls(HULL, *seen(waving(height, length)))
     assert found.wave == pytest.approx(length, rel=0.05)
     assert found.height == pytest.approx(height, rel=0.08)
+
+
+def test_hair_that_repeats_by_chance_has_no_waves():
+    views, maps = seen(curtain(bend=0.03))
+    hair, pixels = [view.hair for view in views], [PIXEL] * len(views)
+    rng = np.random.default_rng(0)
+    angle = rng.uniform(0.0, np.pi, maps[0].angle.shape).astype(np.float32)
+    chance = [dataclasses.replace(maps[0], angle=angle)]
+    assert wave_height(hair, chance, pixels, 0.05) == 0.0
 
 
 def test_neither_curls_nor_a_bend_are_waves():
