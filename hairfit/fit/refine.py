@@ -76,6 +76,8 @@ class RefineConfig:
     """What the direction of the evidence, all through the hair, counts."""
     gap: float = 1.0
     """What hair counts that no strand is near, within the hull."""
+    lowest_alone: bool = False
+    """Whether clusters of the lowest level move alone."""
 
 
 class Moves(NamedTuple):
@@ -175,8 +177,9 @@ def refine(
     problem = shared_out(problem_of(tree, samples, maps, volume, room), mesh)
     steps = on_device(config.steps, jnp.int32)
     count = int(depths_of(tree.parent).max()) + 1
+    first = count - 1 if config.lowest_alone else 0
     done = 0
-    for at in range(count):
+    for at in range(first, count):
         turn = turn_of(tree, at, room)
         moves = still(problem.cylinder)
         before = grow_placed(problem.cylinder, problem.placed, config.points)
@@ -193,7 +196,7 @@ def refine(
             moves = descend(problem, before, moves, found, turn, steps, config, mesh)
             current = move(problem, moves, turn)
             done += 1
-            progress(done / (count * config.rounds))
+            progress(done / ((count - first) * config.rounds))
         problem = problem._replace(cylinder=current, frames=frames_of(current))
     refined = jax.tree.map(
         lambda leaf: on_device(np.asarray(leaf)[: tree.count]), problem.cylinder

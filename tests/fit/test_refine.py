@@ -345,6 +345,19 @@ def test_clusters_that_only_fill_the_arrays_change_nothing(tree, scene):
         assert np.allclose(mine, other, atol=1e-6)
 
 
+@pytest.mark.slow
+def test_the_lowest_level_moves_alone_where_that_is_asked(tree, scene):
+    taken, samples, maps, head = scene
+    places = strands_of(single(tree), samples).reshape(-1, 3)
+    given = samples, Photographs(taken.views, taken.depths, maps), head, places
+    config = RefineConfig(rounds=1, steps=2, points=POINTS, lowest_alone=True)
+    shares = []
+    found = refine(single(tree), *given, config, progress=shares.append)
+    change = np.abs(found.cylinder.skeleton - single(tree).cylinder.skeleton)
+    assert change[:2].max() == 0.0 and change[2:].max() > 1e-5
+    assert shares == [1.0]
+
+
 def with_zeros(rows, count):
     spare = [(0, count - len(rows)), *[(0, 0)] * (rows.ndim - 1)]
     return jnp.asarray(np.pad(rows, spare), jnp.float32)
