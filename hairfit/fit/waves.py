@@ -4,7 +4,7 @@ A voxel of the field holds locks that wave out of step, and so does a pixel of a
 fit keeps some 0.6 of the swing that shows and hardly any beneath. How far hair truly
 swings, the angles at which it crosses its locks tell, see `slopes`. So leaves whose
 field swings at all get waves of that height, at the field's phase; photographs then
-correct them, see `RefineConfig.by_photographs`, to what their maps show, and what these
+correct them, see `presets.by_photographs`, to what their maps show, and what these
 lack is made up. Deep within hair nothing tells a phase: there hair stays as it is, as
 a wave at a wrong phase is farther from the true one than none.
 """
