@@ -97,10 +97,12 @@ class SeenLocks(NamedTuple):
     Attributes:
         maps: Orientation maps of them, one for each photograph.
         radius: Of their curls, in metres.
+        crossing: At which angles hair crosses them.
     """
 
     maps: list[OrientationMap]
     radius: float
+    crossing: Crossing
 
 
 def see_curls(
@@ -124,14 +126,13 @@ def see_curls(
     )
     pitch = find_pitch(list(sums))
 
+    wave = height = 0.0
     if pitch is not None:
         locks = see_locks([view.hair for view in views], maps, pixels, pitch)
         if swing(some[1], [locks.maps[k] for k in few]) > LEAST_SWING:
             return Curls(locks.radius, pitch, locks.maps, True)
+        wave, height = pitch, wave_height(locks.crossing, pitch)
     if show_direction(*some):
-        wave = pitch or 0.0
-        hair = [view.hair for view in views]
-        height = wave_height(hair, maps, pixels, wave) if wave > 0.0 else 0.0
         return Curls(0.0, 0.0, list(maps), True, wave, height)
     mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
     return Curls(UNSEEN, PITCH * UNSEEN, mute, False)
@@ -151,45 +152,25 @@ def see_locks(
         pixels: Widths of a pixel, in metres.
         pitch: Length of a turn, in metres.
     """
-    again, crossing = ways_of_locks(hair, maps, pixels, pitch)
+    again = list(abreast(repeating_lines, hair, maps, pixels, [pitch] * len(hair)))
+    crossing = np.sum(list(abreast(cross_locks, hair, maps, again)), axis=0)
     given = hair, maps, pixels, again, [mean_cosine(crossing)] * len(hair)
     radius = pitch * slope_of(crossing) / (2.0 * math.pi)
-    return SeenLocks(list(abreast(lock_directions, *given)), radius)
+    return SeenLocks(list(abreast(lock_directions, *given)), radius, crossing)
 
 
-def wave_height(
-    hair: Sequence[Bool[np.ndarray, "height width"]],
-    maps: Sequence[OrientationMap],
-    pixels: Sequence[float],
-    wave: float,
-) -> float:
+def wave_height(crossing: Crossing, wave: float) -> float:
     """Return how high waves are, from their middle lines to their crests, in metres.
 
     None at all where hair crosses what should be its locks too steeply: these repeat
     by chance.
 
     Args:
-        hair: Which pixels of each photograph are hair.
-        maps: The orientation maps.
-        pixels: Widths of a pixel, in metres.
+        crossing: At which angles hair crosses its locks.
         wave: Length of a wave, in metres.
     """
-    slope = wave_slope_of(ways_of_locks(hair, maps, pixels, wave)[1])
+    slope = wave_slope_of(crossing)
     return wave * slope / (2.0 * math.pi) if slope < STEEPEST_WAVE else 0.0
-
-
-def ways_of_locks(
-    hair: Sequence[Bool[np.ndarray, "height width"]],
-    maps: Sequence[OrientationMap],
-    pixels: Sequence[float],
-    pitch: float,
-) -> tuple[list[Float[np.ndarray, "height width 2"]], Crossing]:
-    """Return along which way hair repeats, and at which angles it crosses that.
-
-    Arguments are those of `see_locks`.
-    """
-    again = list(abreast(repeating_lines, hair, maps, pixels, [pitch] * len(hair)))
-    return again, np.sum(list(abreast(cross_locks, hair, maps, again)), axis=0)
 
 
 def swing(maps: Sequence[OrientationMap], locks: Sequence[OrientationMap]) -> float:

@@ -340,6 +340,7 @@ def _first_tree(
         if curls.wave > 0.0:
             preset = for_waves(preset)
             compile_for(preset.knots)
+        if curls.height > 0.0:
             wavy = shapes._replace(knots=preset.knots)
             ahead(compile_refinement, wavy, by_photographs(preset.refine))
         hull = carve_by_consistency(hull, views, maps, depths, curls.radius > 0.0)

@@ -29,7 +29,7 @@ from ..model.cylinder import (
 )
 from ..model.detail import PAIRS
 from ..model.frame import Frames
-from ..model.tree import HairTree, depths_of, filled
+from ..model.tree import HairTree, depths_of, filled, with_cylinders
 from .devices import BY_BOTH, BY_STRAND, BY_VIEW, EVERYWHERE, device_mesh, put
 from .residuals import (
     PhotoMaps,
@@ -198,10 +198,7 @@ def refine(
             done += 1
             progress(done / ((count - first) * config.rounds))
         problem = problem._replace(cylinder=current, frames=frames_of(current))
-    refined = jax.tree.map(
-        lambda leaf: on_device(np.asarray(leaf)[: tree.count]), problem.cylinder
-    )
-    return eqx.tree_at(lambda t: t.cylinder, tree, refined)
+    return with_cylinders(tree, problem.cylinder)
 
 
 def problem_of(

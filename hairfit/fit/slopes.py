@@ -21,10 +21,8 @@ from ..evaluate.photographs import line_angle
 # Share of a photograph's hair whose locks are told best: what its slope is read from.
 SUREST = 0.4
 STEEP = 0.75  # share of it that is less steep than what tells the slope
-HALF, FLAT = (
-    0.5,
-    0.36,
-)  # the same share where hair waves, and what it then crosses of `T`
+# Share of waving hair that tells its slope, and what that crosses of `T`.
+HALF, FLAT = 0.5, 0.36
 BINS = 180  # of angles from 0 to a right one
 EDGES = np.linspace(0.0, 0.5 * np.pi, BINS + 1)
 

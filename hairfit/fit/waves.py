@@ -9,8 +9,7 @@ lack is made up. Deep within hair nothing tells a phase: there hair stays as it 
 a wave at a wrong phase is farther from the true one than none.
 """
 
-import dataclasses
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +20,7 @@ from scipy import ndimage
 from ..host import more_rows, on_device
 from ..model.cylinder import GeneralizedCylinder
 from ..model.section import on_skeleton
-from ..model.tree import HairTree, filled, leaves
+from ..model.tree import HairTree, filled, leaves, with_cylinders
 from ..types import along_paths, resample_paths
 from .evidence import Field
 from .hull import Hull
@@ -48,16 +47,25 @@ class Lines(NamedTuple):
         middle: The same points on the middle lines.
         along: Metres from the root, along the middle line.
         spacing: Metres from point to point, in the mean.
+        wave: Length of a wave, in metres.
     """
 
     skeleton: Float[np.ndarray, "leaves points 3"]
     middle: Float[np.ndarray, "leaves points 3"]
     along: Float[np.ndarray, "leaves points"]
     spacing: Float[np.ndarray, " leaves"]
+    wave: float
 
-    def turn(self, wave: float) -> Complex[np.ndarray, "leaves points 1"]:
+    def turn(self) -> Complex[np.ndarray, "leaves points 1"]:
         """Return by how much waves have turned at each point, as a unit number."""
-        return np.exp(2j * np.pi / wave * self.along)[..., None]
+        return np.exp(2j * np.pi / self.wave * self.along)[..., None]
+
+    def swinging(
+        self, size: Float[np.ndarray, "leaves points"], least: float
+    ) -> Bool[np.ndarray, " leaves"]:
+        """Return which leaves hold a wave and swing by so much, in quadratic mean."""
+        far = np.sqrt(np.mean(size**2, axis=1)) > least
+        return far & (self.along[:, -1] > self.wave)
 
 
 def with_waves(
@@ -82,11 +90,11 @@ def with_waves(
     lines = middle_lines(tree, wave)
     slope, sure = field_slopes(lines, hull, field)
     slope -= smoothed(slope, 0.5 * wave / lines.spacing)
-    swing = swings(lines, slope, sure, wave) * (wave / (2j * np.pi))
+    swing = swings(lines, slope, sure) * (wave / (2j * np.pi))
     size = np.linalg.norm(swing, axis=2)
     full = swing * (height / np.maximum(size, 1e-9))[..., None]
-    some = (rms(size) > SWINGS * height) & (lines.along[:, -1] > wave)
-    return waved(tree, lines.middle, lines, full, some, wave, room)
+    some = lines.swinging(size, SWINGS * height)
+    return waved(tree, lines.middle, lines, full, some, room)
 
 
 def with_lost_waves(
@@ -102,11 +110,11 @@ def with_lost_waves(
     """
     lines = middle_lines(tree, wave)
     sure = np.ones(lines.along.shape)
-    swing = swings(lines, lines.skeleton - lines.middle, sure, wave)
+    swing = swings(lines, lines.skeleton - lines.middle, sure)
     size = np.linalg.norm(swing, axis=2)
     more = np.clip(height / np.maximum(size, 1e-9), 1.0, MAP_LOSES) - 1.0
-    some = (rms(size) > SEEN * height) & (lines.along[:, -1] > wave)
-    return waved(tree, lines.skeleton, lines, swing * more[..., None], some, wave, room)
+    some = lines.swinging(size, SEEN * height)
+    return waved(tree, lines.skeleton, lines, swing * more[..., None], some, room)
 
 
 def middle_lines(tree: HairTree, wave: float) -> Lines:
@@ -115,7 +123,7 @@ def middle_lines(tree: HairTree, wave: float) -> Lines:
     even = resample_paths(skeleton, POINTS)
     spacing = np.maximum(along_paths(even)[:, -1], 1e-6) / (POINTS - 1)
     middle = smoothed(even, MEAN * wave / spacing)
-    return Lines(even, middle, along_paths(middle), spacing)
+    return Lines(even, middle, along_paths(middle), spacing, wave)
 
 
 def smoothed(
@@ -131,11 +139,21 @@ def smoothed(
     first, last = values[:, :1], values[:, -1:]
     before, after = values[:, :0:-1], values[:, -2::-1]
     whole = np.concatenate([2 * first - before, values, 2 * last - after], axis=1)
+    mean = blurred(whole, sigma, "reflect")
+    return mean[:, beyond : beyond + values.shape[1]]
+
+
+def blurred(
+    values: Float[np.ndarray, "leaves points axes"],
+    sigma: Float[np.ndarray, " leaves"],
+    beyond: Literal["constant", "reflect"],
+) -> Float[np.ndarray, "leaves points axes"]:
+    """Return Gaussian means along lines, of what SciPy has `beyond` their ends."""
     mean = [
-        ndimage.gaussian_filter1d(row, one, axis=0)
-        for row, one in zip(whole, sigma, strict=True)
+        ndimage.gaussian_filter1d(row, one, axis=0, mode=beyond)
+        for row, one in zip(values, sigma, strict=True)
     ]
-    return np.stack(mean)[:, beyond : beyond + values.shape[1]]
+    return np.stack(mean)
 
 
 def field_slopes(
@@ -162,7 +180,6 @@ def swings(
     lines: Lines,
     across: Float[np.ndarray, "leaves points 3"],
     weight: Float[np.ndarray, "leaves points"],
-    wave: float,
 ) -> Complex[np.ndarray, "leaves points 3"]:
     """Return how what is across lines swings as waves do: its height and its phase.
 
@@ -170,26 +187,16 @@ def swings(
         lines: The lines.
         across: What swings.
         weight: What each point says.
-        wave: Length of a wave, in metres.
 
     Returns:
         A slowly varying number, which times `Lines.turn` has the swing as its real
         part.
     """
-    turned = weight[..., None] * across / lines.turn(wave)
+    turned = weight[..., None] * across / lines.turn()
     parts = np.concatenate([turned.real, turned.imag, weight[..., None]], axis=2)
-    sums = [
-        ndimage.gaussian_filter1d(row, ALIKE * wave / step, axis=0, mode="constant")
-        for row, step in zip(parts, lines.spacing, strict=True)
-    ]
-    found = np.stack(sums)
+    found = blurred(parts, ALIKE * lines.wave / lines.spacing, "constant")
     found = 2.0 * found / np.maximum(found[..., 6:], 1e-9)
     return found[..., :3] + 1j * found[..., 3:6]
-
-
-def rms(size: Float[np.ndarray, "leaves points"]) -> Float[np.ndarray, " leaves"]:
-    """Return the quadratic mean along each line."""
-    return np.sqrt(np.mean(size**2, axis=1))
 
 
 def waved(
@@ -198,7 +205,6 @@ def waved(
     lines: Lines,
     swing: Complex[np.ndarray, "leaves points 3"],
     some: Bool[np.ndarray, " leaves"],
-    wave: float,
     room: int,
 ) -> HairTree:
     """Return the tree with some of its leaves on other skeletons.
@@ -209,11 +215,10 @@ def waved(
         lines: Where the leaves' waves stand.
         swing: Their waves: their real part, turned along the line.
         some: Which leaves get them.
-        wave: Length of a wave, in metres.
         room: Arrays hold so many clusters, if the tree has fewer.
     """
-    rises = np.minimum(lines.along / (ROOTED * wave), 1.0)[..., None]
-    path = base + rises * np.real(swing * lines.turn(wave))
+    rises = np.minimum(lines.along / (ROOTED * lines.wave), 1.0)[..., None]
+    path = base + rises * np.real(swing * lines.turn())
     path[:, 0] = lines.skeleton[:, 0]
     skeleton = np.array(tree.cylinder.skeleton)
     changed = np.zeros(tree.count, bool)
@@ -221,9 +226,7 @@ def waved(
     skeleton[changed] = resample_paths(path[some], skeleton.shape[1])
     whole = filled(tree, room).cylinder
     given = more_rows(skeleton, room), more_rows(changed, room)
-    there = place(whole, *(on_device(one) for one in given))
-    cut = jax.tree.map(lambda leaf: on_device(np.asarray(leaf)[: tree.count]), there)
-    return dataclasses.replace(tree, cylinder=cut)
+    return with_cylinders(tree, place(whole, *(on_device(one) for one in given)))
 
 
 @jax.jit

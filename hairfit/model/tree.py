@@ -103,6 +103,14 @@ def filled(tree: HairTree, room: int) -> Clusters:
     )
 
 
+def with_cylinders(tree: HairTree, cylinder: GeneralizedCylinder) -> HairTree:
+    """Return the tree with other cylinders: the first of as many or more."""
+    mine = jax.tree.map(
+        lambda leaf: on_device(np.asarray(leaf)[: tree.count]), cylinder
+    )
+    return eqx.tree_at(lambda t: t.cylinder, tree, mine)
+
+
 def stack(modules: Sequence[Stackable]) -> Stackable:
     """Return modules of one kind, such as planted clusters, as one stacked module."""
     if not modules:

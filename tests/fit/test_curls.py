@@ -112,7 +112,8 @@ def test_hair_that_repeats_by_chance_has_no_waves():
     rng = np.random.default_rng(0)
     angle = rng.uniform(0.0, np.pi, maps[0].angle.shape).astype(np.float32)
     chance = [dataclasses.replace(maps[0], angle=angle)]
-    assert wave_height(hair, chance, pixels, 0.05) == 0.0
+    locks = see_locks(hair, chance, pixels, 0.05)
+    assert wave_height(locks.crossing, 0.05) == 0.0
 
 
 def test_neither_curls_nor_a_bend_are_waves():
