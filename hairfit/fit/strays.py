@@ -2,16 +2,18 @@
 
 Clusters follow the photographs in the mean, so that single strands arch out of the
 hair, which one sees at once. Where strands grow that come so far out of a mask, fewer
-do. Tips are taken back before, see `tips`. Where photographs tell little, clusters may
-be wound up: of hair that does not curl, what runs in loops is scribble.
+do, but those stay that come out before the background alone and hide what nothing else
+hides. Tips are taken back before, see `tips`. Where photographs tell little, clusters
+may be wound up: of hair that does not curl, what runs in loops is scribble.
 """
 
 import functools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
 from ..abreast import abreast
@@ -22,6 +24,7 @@ from ..model.strand import Hair
 from ..render.raster import cells, project_points
 from ..types import along_paths
 from .density import texel_means
+from .thinning import BLOCK, MOST, covers, width_of
 
 FREE = 1.5  # pixels of a photograph about its mask that may be hair as well
 LOST = 0.002  # metres beyond these from which on a place is none of the hair's
@@ -30,6 +33,9 @@ TURN = 0.5
 # No strand stays of which so much is lost, fewer of which less is: long ones are right
 # elsewhere.
 MOST_LOST = 0.07
+# What a strand hides that would be bare makes up for as much that is lost before the
+# background, unless it comes out so far that one sees it. Metres.
+SEEN_OUT = 0.003
 SPARSEST = 0.002  # a scalp where all strands come out still grows some
 # A strand loops that comes less far than this share of so many metres of its length.
 FORWARD, LOOP = 0.5, 0.02
@@ -49,10 +55,15 @@ def without_strays(
     if not len(hair.uv):
         return maps
     points = np.asarray(hair.strands, np.float64)
-    seen = abreast(lambda one: comes_out(points, one), sights)
-    out = functools.reduce(np.maximum, seen) - TURN * radius
-    lost = np.clip(out / LOST, 0.0, 1.0).mean(axis=1)
-    stays = np.maximum(1.0 - lost / MOST_LOST, 0.0)
+    seen = list(abreast(lambda one: comes_out(points, one), sights))
+    out, aside = (functools.reduce(np.maximum, one) for one in zip(*seen, strict=True))
+    lost, in_air = (share_lost(one - TURN * radius) for one in (out, aside))
+    stays = np.clip(1.0 - lost / MOST_LOST, 0.0, 1.0)
+    near = (out - TURN * radius).max(axis=1) < SEEN_OUT
+    some = np.flatnonzero((in_air > 0.0) & near)
+    made_up = hides_bare(points, some, stays, sights)
+    lost[some] -= np.minimum(made_up, in_air[some])
+    stays = np.clip(1.0 - lost / MOST_LOST, 0.0, 1.0)
     if radius == 0.0:
         stays[comes_forward(points) < FORWARD] = 0.0
     uv = np.asarray(hair.uv, np.float64)
@@ -64,10 +75,20 @@ def without_strays(
     )
 
 
-def comes_out(
-    points: Float[np.ndarray, "strands points 3"], sight: Sight
-) -> Float[np.ndarray, "strands points"]:
-    """Return how far beyond `FREE` points come out of a photograph's hair, in metres.
+class Out(NamedTuple):
+    """How far beyond `FREE` points come out of a photograph's hair, in metres.
+
+    Attributes:
+        anywhere: Before the head as well.
+        in_air: Where nothing is behind them; else 0.
+    """
+
+    anywhere: Float[np.ndarray, "strands points"]
+    in_air: Float[np.ndarray, "strands points"]
+
+
+def comes_out(points: Float[np.ndarray, "strands points 3"], sight: Sight) -> Out:
+    """Return how far points come out of a photograph's hair.
 
     Of what the head hides, or what is beyond the picture, nothing is said.
 
@@ -77,14 +98,79 @@ def comes_out(
     """
     view, behind = sight
     if not view.hair.any():
-        return np.zeros(points.shape[:2])
-    pixels = project_points(points.reshape(-1, 3), view.camera)
-    y, x, inside = cells(pixels, view.camera.width, view.camera.height)
-    if behind is not None:
-        inside &= pixels.depth < behind[y, x]
+        none = np.zeros(points.shape[:2])
+        return Out(none, none)
+    y, x, shows, depth = where_it_shows(points, sight)
     beside = np.asarray(ndimage.distance_transform_edt(~view.hair))[y, x]
-    far = np.maximum(beside - FREE, 0.0) * pixels.depth / view.camera.focal
-    return np.where(inside, far, 0.0).reshape(points.shape[:2])
+    far = np.maximum(beside - FREE, 0.0) * depth / view.camera.focal
+    far = np.where(shows, far, 0.0)
+    return Out(far, far if behind is None else np.where(np.isinf(behind[y, x]), far, 0))
+
+
+def share_lost(
+    out: Float[np.ndarray, "strands points"],
+) -> Float[np.ndarray, " strands"]:
+    """Return the share of each strand that is none of the hair's, by metres out."""
+    return np.clip(out / LOST, 0.0, 1.0).mean(axis=1)
+
+
+def hides_bare(
+    points: Float[np.ndarray, "strands points 3"],
+    some: Int[np.ndarray, " some"],
+    stays: Float[np.ndarray, " strands"],
+    sights: Sequence[Sight],
+) -> Float[np.ndarray, " some"]:
+    """Return the share of strands that lies before hair which the others leave bare.
+
+    Bare is what they hide by less than half in a photograph, as wide as all of them
+    cover the masks best.
+
+    Args:
+        points: Points of strands, in metres.
+        some: The strands that are asked for.
+        stays: The share of each strand that stays.
+        sights: The photographs, one or more.
+    """
+    if not len(some):
+        return np.zeros(0)
+    step = -(-len(points) // MOST)
+    seen = list(abreast(lambda one: covers(points[::step], one), sights))
+    width = width_of(seen, stays[::step])
+    hides = np.zeros((len(some), points.shape[1]), bool)
+    for sight, (hidden, wanted) in zip(sights, seen, strict=True):
+        bare = wanted & (hidden.T @ stays[::step] * width < np.log(2.0))
+        y, x, shows, _ = where_it_shows(points[some], sight)
+        columns = -(-sight.view.camera.width // BLOCK)
+        hides |= shows & bare[(y // BLOCK) * columns + x // BLOCK]
+    return hides.mean(axis=1)
+
+
+class Places(NamedTuple):
+    """Where points are in a photograph.
+
+    Attributes:
+        y, x: Their pixels; of those beyond the picture some other.
+        shows: Whether they are in it and nothing but hair may hide them.
+        depth: In metres.
+    """
+
+    y: Int[np.ndarray, "strands points"]
+    x: Int[np.ndarray, "strands points"]
+    shows: Bool[np.ndarray, "strands points"]
+    depth: Float[np.ndarray, "strands points"]
+
+
+def where_it_shows(
+    points: Float[np.ndarray, "strands points 3"], sight: Sight
+) -> Places:
+    """Return where points of strands are in a photograph."""
+    camera, behind = sight.view.camera, sight.behind
+    pixels = project_points(points.reshape(-1, 3), camera)
+    y, x, shows = cells(pixels, camera.width, camera.height)
+    if behind is not None:
+        shows &= pixels.depth < behind[y, x]
+    shape = points.shape[:2]
+    return Places(*(one.reshape(shape) for one in (y, x, shows, pixels.depth)))
 
 
 def comes_forward(

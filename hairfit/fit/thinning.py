@@ -98,9 +98,7 @@ def strand_factors(seen: Sequence[Covers]) -> Float[np.ndarray, " strands"]:
     """
     whole = np.sum([hides @ np.ones(len(wanted)) for hides, wanted in seen], axis=0)
     factor = np.ones(len(whole))
-    width = best_width(
-        [ious_of(hides.T @ factor, wanted, WIDTHS) for hides, wanted in seen]
-    ).width
+    width = width_of(seen, factor)
     for _ in range(ROUNDS):
         asked = np.zeros(len(whole))
         for hides, wanted in seen:
@@ -111,6 +109,17 @@ def strand_factors(seen: Sequence[Covers]) -> Float[np.ndarray, " strands"]:
         # Strands that no photograph shows are as they were.
         factor *= np.where(whole > 0.0, asked / np.maximum(whole, 1e-30), 1.0)
     return factor
+
+
+def width_of(seen: Sequence[Covers], factor: Float[np.ndarray, " strands"]) -> float:
+    """Return the width at which strands cover the photographs best, in metres.
+
+    Args:
+        seen: What the strands hide of each photograph, one or more.
+        factor: By how much each strand counts.
+    """
+    each = [ious_of(hides.T @ factor, wanted, WIDTHS) for hides, wanted in seen]
+    return best_width(each).width
 
 
 def root_density(

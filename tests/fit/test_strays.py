@@ -26,10 +26,12 @@ from hairfit.fit.strays import (
     LOOP,
     LOST,
     MOST_LOST,
+    SEEN_OUT,
     SPARSEST,
     TURN,
     comes_forward,
     comes_out,
+    hides_bare,
     without_strays,
 )
 from hairfit.model.maps import even_maps
@@ -51,32 +53,46 @@ def across(x, depth=0.0):
 
 def test_how_far_strands_come_out_of_the_mask():
     sight = Sight(view_of(CAMERA, LEFT), None)
-    found = comes_out(across([-0.01, 0.009, 0.04]), sight).max(axis=1)
+    found = comes_out(across([-0.01, 0.009, 0.04]), sight).anywhere.max(axis=1)
     assert found[0] == 0.0
     free = FREE * PIXEL
     assert found[1:] == pytest.approx([0.009 - free, 0.04 - free], abs=PIXEL)
     # Twice as far from the camera a pixel is twice as wide.
-    away = comes_out(across([0.04], depth=DISTANCE), sight)
+    away, in_air = comes_out(across([0.04], depth=DISTANCE), sight)
     assert away.max() == pytest.approx(0.04 - 2 * free, abs=2 * PIXEL)
+    assert (away == in_air).all()
 
 
 def test_what_the_head_hides_or_the_picture_leaves_out_says_nothing():
     strands = across([0.04])
     before, after = (np.full(LEFT.shape, DISTANCE + step) for step in (-0.01, 0.01))
     view = view_of(CAMERA, LEFT)
-    assert (comes_out(strands, Sight(view, before)) == 0.0).all()
-    out = comes_out(strands, Sight(view, after))
-    assert out.shape == strands.shape[:2] and out.max() > 0.03
-    assert (out[strands[..., 0] < 0.0] == 0.0).all()
-    beyond = strands + [1.0, 0.0, 0.0]
-    assert (comes_out(beyond, Sight(view, None)) == 0.0).all()
-    assert comes_out(strands - [0.0, 0.0, 1.0], Sight(view, None)).any()
-    assert (comes_out(strands + [0.0, 0.0, 1.0], Sight(view, None)) == 0.0).all()
+
+    def out(points, behind=None):
+        return comes_out(points, Sight(view, behind)).anywhere
+
+    assert (out(strands, before) == 0.0).all()
+    found = out(strands, after)
+    assert found.shape == strands.shape[:2] and found.max() > 0.03
+    assert (found[strands[..., 0] < 0.0] == 0.0).all()
+    assert (out(strands + [1.0, 0.0, 0.0]) == 0.0).all()
+    assert out(strands - [0.0, 0.0, 1.0]).any()
+    assert (out(strands + [0.0, 0.0, 1.0]) == 0.0).all()
+
+
+def test_what_comes_out_before_the_head_and_in_the_air():
+    strands = across([0.04])
+    head = np.where(np.arange(WIDTH) < WIDTH // 2 + 6, DISTANCE + 0.01, np.inf)
+    behind = np.tile(head, (HEIGHT, 1))
+    found = comes_out(strands, Sight(view_of(CAMERA, LEFT), behind))
+    beyond = strands[..., 0] > 6 * PIXEL
+    assert (found.in_air[~beyond] == 0.0).all() and found.anywhere[~beyond].any()
+    assert (found.in_air[beyond] == found.anywhere[beyond]).all() and beyond.any()
 
 
 def test_a_mask_without_hair_says_nothing():
     view = view_of(CAMERA, np.zeros_like(LEFT))
-    assert (comes_out(across([0.04]), Sight(view, None)) == 0.0).all()
+    assert not np.any(comes_out(across([0.04]), Sight(view, None)))
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.004])
@@ -109,6 +125,55 @@ def test_roots_are_as_dense_as_strands_stay_in(radius):
     assert np.allclose(again.density, 0.5 * maps.density)
 
 
+def lanes():
+    """Return strands in 12 lanes of the left half, some tips out of it, and the mask.
+
+    All lanes but the last hold 40 strands; of these and of the one strand in the last
+    two come out by 1 mm each, two by more than `SEEN_OUT`, for longer than any may.
+    """
+    height = 0.001 * np.arange(12)
+    line = np.linspace(-0.012, 0.0, 50)
+    strand = np.stack(np.broadcast_arrays(line, height[:, None], 0.0), axis=-1)
+    lane = np.concatenate([np.repeat(np.arange(11), 40), [11, 11]])
+    points = strand[lane]
+    tips = 2 * round(MOST_LOST * 50)
+    for row, out in ((0, 0.001), (1, SEEN_OUT), (-2, 0.001), (-1, SEEN_OUT)):
+        points[row, -tips:, 0] = out + 1.5 * FREE * PIXEL / 32
+    camera = camera_at([0.0, 0.0, DISTANCE], finer=32)
+    y, x = np.mgrid[: camera.height, : camera.width]
+    metres = DISTANCE / camera.focal
+    up, right = (camera.height / 2 - y) * metres, (x - camera.width / 2) * metres
+    mask = (np.abs(up - 0.0055) < 0.006) & (right < 0.0) & (right > -0.012)
+    return points, Sight(view_of(camera, mask), None)
+
+
+def test_strands_stay_that_come_out_in_the_air_and_hide_what_nothing_else_hides():
+    points, sight = lanes()
+    asked = np.array([0, 1, len(points) - 2, len(points) - 1])
+    stays = np.ones(len(points))
+    stays[asked] = 0.0
+    found = hides_bare(points, asked, stays, [sight])
+    inside = (points[asked, :, 0] < 0.0).mean(axis=1)
+    assert found[:2] == pytest.approx(0.0)
+    assert found[2:] == pytest.approx(inside[2:], abs=0.1)
+    # With another strand there they hide what is hidden anyway.
+    stays[asked[2]] = 40.0
+    assert hides_bare(points, asked, stays, [sight])[3] == pytest.approx(0.0)
+    uv = (
+        jnp.asarray(np.full((len(points), 2), 0.9))
+        .at[asked]
+        .set([[0.2, 0.2], [0.2, 0.8], [0.8, 0.2], [0.8, 0.8]])
+    )
+    count = jnp.zeros(len(points), int)
+    hair = Hair(jnp.asarray(points), uv, count, count.astype(float))
+    skin = np.full(sight.view.hair.shape, 2.0 * DISTANCE)
+    for behind, stays in ((None, 1.0), (skin, SPARSEST)):
+        maps = without_strays(EVEN, hair, [Sight(sight.view, behind)], 0.0)
+        found = texels_at(maps.density, uv[asked])
+        wanted = [SPARSEST, SPARSEST, stays, SPARSEST]
+        assert found == pytest.approx(wanted, abs=0.02)
+
+
 def test_strands_that_arch_out_go_and_their_neighbours_stay():
     roots, uv = every_root(4000, np.random.default_rng(0))
     wild = np.random.default_rng(1).random(4000) < 0.05
@@ -120,7 +185,7 @@ def test_strands_that_arch_out_go_and_their_neighbours_stay():
     sights = [Sight(v, None) for v in photograph(strands, ring(8), None).views]
     maps = without_strays(EVEN, hair, sights, 0.0)
     density = texels_at(maps.density, uv)
-    far = np.max([comes_out(arched, sight) for sight in sights], axis=0)
+    far = np.max([comes_out(arched, sight).anywhere for sight in sights], axis=0)
     out = (far > LOST).mean(axis=1) > MOST_LOST
     assert out[wild].mean() > 0.5
     assert density[wild & out].mean() < 0.5
