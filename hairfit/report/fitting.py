@@ -107,6 +107,7 @@ def write_result(
     save_strands(folder / "strands.hair", fitted.strands)
     save_scalp(folder / "scalp.json", fitted.tree.scalp)
     photographs = show_result(folder, capture, fitted)
+    done = dataclasses.replace(config, quality=fitted.figures["quality"])
     strand_counts = np.diff(np.asarray(fitted.strands.offsets))
     report = {
         "format": FORMAT,
@@ -116,7 +117,7 @@ def write_result(
         "settings": {
             "quality": config.quality,
             "seed": config.seed,
-            "strands": config.strands,
+            "strands": done.count(),
             **limited(config),
         },
         "clusters": len(fitted.tree.parent),
