@@ -55,11 +55,12 @@ def without_strays(
     if not len(hair.uv):
         return maps
     points = np.asarray(hair.strands, np.float64)
-    seen = list(abreast(lambda one: comes_out(points, one), sights))
-    out, aside = (functools.reduce(np.maximum, one) for one in zip(*seen, strict=True))
-    lost, in_air = (share_lost(one - TURN * radius) for one in (out, aside))
+    # One by one: the distances of all photographs at once would take much memory.
+    seen = abreast(lambda one: comes_out(points, one), sights)
+    out = functools.reduce(farther, seen)
+    lost, in_air = (share_lost(one - TURN * radius) for one in out)
     stays = np.clip(1.0 - lost / MOST_LOST, 0.0, 1.0)
-    near = (out - TURN * radius).max(axis=1) < SEEN_OUT
+    near = (out.anywhere - TURN * radius).max(axis=1) < SEEN_OUT
     some = np.flatnonzero((in_air > 0.0) & near)
     made_up = hides_bare(points, some, stays, sights)
     lost[some] -= np.minimum(made_up, in_air[some])
@@ -105,6 +106,11 @@ def comes_out(points: Float[np.ndarray, "strands points 3"], sight: Sight) -> Ou
     far = np.maximum(beside - FREE, 0.0) * depth / view.camera.focal
     far = np.where(shows, far, 0.0)
     return Out(far, far if behind is None else np.where(np.isinf(behind[y, x]), far, 0))
+
+
+def farther(one: Out, other: Out) -> Out:
+    """Return how far points come out where they come out farther."""
+    return Out(*map(np.maximum, one, other))
 
 
 def share_lost(
