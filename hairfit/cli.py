@@ -45,8 +45,8 @@ class Fit:
     """Seconds in which to be done: by a coarser quality and less refinement."""
     seed: int = 0
     """The same seed gives the same result."""
-    strands: int | None = None
-    """How many strands to write; else 16000 of a draft, 24000 of others."""
+    strands: int = 16_000
+    """How many strands to write."""
     quiet: bool = False
     """Show no progress."""
     json: bool = False
@@ -59,8 +59,7 @@ class Fit:
         from .report.result import check_out
 
         start = time.monotonic()
-        if self.strands is not None:
-            at_least_one(self.strands, "--strands")
+        at_least_one(self.strands, "--strands")
         if self.time_limit is not None and not self.time_limit > 0.0:
             raise InputError(
                 f"--time-limit must be a number of seconds, not {self.time_limit:g}."

@@ -121,7 +121,7 @@ def test_a_fit_writes_the_whole_result(fake, capture, tmp_path, capsys):
     assert line["figures"] == figures and line["views"] == list(NAMES)
     report = json.loads((out / "report.json").read_text())
     assert report["capture"] == "../tiny"
-    assert report["settings"] == {"quality": "normal", "seed": 3, "strands": 24000}
+    assert report["settings"] == {"quality": "normal", "seed": 3, "strands": 16000}
     assert set(report["photographs"]) == set(NAMES)
     found = {path.name for path in out.iterdir()}
     assert found == {

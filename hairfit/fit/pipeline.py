@@ -100,16 +100,11 @@ class FitConfig:
     """How fine: edge of a voxel, number of clusters, steps of refinement."""
     seed: int = 0
     """Of all that is random; the same seed gives the same bytes."""
-    strands: int | None = None
-    """Number of strands in the result, None for that of the quality; the tree gives as
-    many as one wants."""
+    strands: int = 16000
+    """Number of strands in the result; the tree gives as many as one wants."""
     time_limit: float | None = None
     """Seconds in which to be done, or as soon after as can be: by a coarser quality,
     then by fewer rounds of refinement. What comes out then depends on the machine."""
-
-    def count(self) -> int:
-        """Return how many strands the result has."""
-        return PRESETS[self.quality].strands if self.strands is None else self.strands
 
 
 STRAND_POINTS = 40
@@ -218,7 +213,7 @@ def fit_capture(
         tree = round_tree(tree)
         progress("drawing strands", 0.87)
         # As many strands as will be drawn, whose program is there already.
-        key, spared = jax.random.key(config.seed), with_spare(config.count())
+        key, spared = jax.random.key(config.seed), with_spare(config.strands)
         points = points_for(tree, first.curls.pitch, STRAND_POINTS)
         # Turns of curls may stand out of the hull: their middle lines end in it.
         skin = single(even_maps(TEXELS, TEXELS))
@@ -233,7 +228,7 @@ def fit_capture(
         hair = sample_hair(tree, spared, points, key)
         skin = without_strays(skin, hair, first.sights, first.curls.radius)
         tree = round_tree(dataclasses.replace(tree, maps=skin))
-        hair = derive_hair(tree, head, config.count(), points, config.seed)
+        hair = derive_hair(tree, head, config.strands, points, config.seed)
     progress("finding colour and light", 0.95)
     looks = _looks(hair, first, head, config.seed)
     if looks is not None:
@@ -314,7 +309,7 @@ def _first_tree(
     """
     preset = PRESETS[config.quality]
     with compiling_ahead(spare_threads()) as ahead:
-        spared = with_spare(config.count())
+        spared = with_spare(config.strands)
         ahead(compile_growth, preset.guides, (preset.refine.strands, spared))
         progress("measuring the head", 0.0)
         shots = trusted_shots(capture.views, head, store)
@@ -331,7 +326,7 @@ def _first_tree(
 
         ahead(compile_paths, hull.grid.shape, steps_on(preset.spacing))
         compile_for(preset.knots)
-        ahead(compile_looks, config.count(), STRAND_POINTS, len(views), head)
+        ahead(compile_looks, config.strands, STRAND_POINTS, len(views), head)
         hull = carve_corners(hull, views, depths)
         all_maps = orientation_maps(
             shots.trusted.views,

@@ -21,8 +21,6 @@ class Preset(NamedTuple):
     refine: RefineConfig
     settles: bool = True
     """Whether clusters get pieces of scalp; a few large ones would move roots far."""
-    strands: int = 16_000
-    """How many strands are written where nobody says how many."""
 
 
 PRESETS: dict[Quality, Preset] = {
@@ -35,7 +33,7 @@ PRESETS: dict[Quality, Preset] = {
         RefineConfig(rounds=1, steps=30, strands=1200, points=16),
         settles=False,
     ),
-    "normal": Preset(0.003, 8000, 3, 400, 16, RefineConfig(), strands=24_000),
+    "normal": Preset(0.003, 8000, 3, 400, 16, RefineConfig()),
     "high": Preset(
         0.0025,
         12000,
@@ -43,7 +41,6 @@ PRESETS: dict[Quality, Preset] = {
         800,
         20,
         RefineConfig(rounds=4, steps=25, strands=5000, points=32),
-        strands=24_000,
     ),
 }
 

@@ -107,7 +107,6 @@ def write_result(
     save_strands(folder / "strands.hair", fitted.strands)
     save_scalp(folder / "scalp.json", fitted.tree.scalp)
     photographs = show_result(folder, capture, fitted)
-    done = dataclasses.replace(config, quality=fitted.figures["quality"])
     strand_counts = np.diff(np.asarray(fitted.strands.offsets))
     report = {
         "format": FORMAT,
@@ -117,7 +116,7 @@ def write_result(
         "settings": {
             "quality": config.quality,
             "seed": config.seed,
-            "strands": done.count(),
+            "strands": config.strands,
             **limited(config),
         },
         "clusters": len(fitted.tree.parent),
