@@ -24,7 +24,7 @@ from ..model.strand import Hair
 from ..render.raster import cells, project_points
 from ..types import along_paths
 from .density import texel_means
-from .thinning import BLOCK, MOST, covers, width_of
+from .thinning import MOST, block_of, covers, hidden_by, width_of
 
 FREE = 1.5  # pixels of a photograph about its mask that may be hair as well
 LOST = 0.002  # metres beyond these from which on a place is none of the hair's
@@ -57,14 +57,12 @@ def without_strays(
     points = np.asarray(hair.strands, np.float64)
     # One by one: the distances of all photographs at once would take much memory.
     seen = abreast(lambda one: comes_out(points, one), sights)
-    out = functools.reduce(farther, seen)
-    lost, in_air = (share_lost(one - TURN * radius) for one in out)
-    stays = np.clip(1.0 - lost / MOST_LOST, 0.0, 1.0)
-    near = (out.anywhere - TURN * radius).max(axis=1) < SEEN_OUT
-    some = np.flatnonzero((in_air > 0.0) & near)
-    made_up = hides_bare(points, some, stays, sights)
+    out, aside = (one - TURN * radius for one in functools.reduce(farther, seen))
+    lost, in_air = share_lost(out), share_lost(aside)
+    some = np.flatnonzero((in_air > 0.0) & (out.max(axis=1) < SEEN_OUT))
+    made_up = hides_bare(points, some, staying(lost), sights)
     lost[some] -= np.minimum(made_up, in_air[some])
-    stays = np.clip(1.0 - lost / MOST_LOST, 0.0, 1.0)
+    stays = staying(lost)
     if radius == 0.0:
         stays[comes_forward(points) < FORWARD] = 0.0
     uv = np.asarray(hair.uv, np.float64)
@@ -120,6 +118,11 @@ def share_lost(
     return np.clip(out / LOST, 0.0, 1.0).mean(axis=1)
 
 
+def staying(lost: Float[np.ndarray, " strands"]) -> Float[np.ndarray, " strands"]:
+    """Return the share that stays of strands of which so much is lost."""
+    return np.clip(1.0 - lost / MOST_LOST, 0.0, 1.0)
+
+
 def hides_bare(
     points: Float[np.ndarray, "strands points 3"],
     some: Int[np.ndarray, " some"],
@@ -144,10 +147,9 @@ def hides_bare(
     width = width_of(seen, stays[::step])
     hides = np.zeros((len(some), points.shape[1]), bool)
     for sight, (hidden, wanted) in zip(sights, seen, strict=True):
-        bare = wanted & (hidden.T @ stays[::step] * width < np.log(2.0))
+        bare = wanted & (hidden_by(hidden, stays[::step], width) < 1.0)
         y, x, shows, _ = where_it_shows(points[some], sight)
-        columns = -(-sight.view.camera.width // BLOCK)
-        hides |= shows & bare[(y // BLOCK) * columns + x // BLOCK]
+        hides |= shows & bare[block_of(y, x, sight.view.camera.width)]
     return hides.mean(axis=1)
 
 

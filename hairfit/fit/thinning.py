@@ -15,7 +15,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy import sparse
 
 from ..abreast import abreast
@@ -81,11 +81,18 @@ def covers(points: Float[np.ndarray, "strands knots 3"], sight: Sight) -> Covers
     rows, columns = (-(-size // BLOCK) for size in view.hair.shape)
     hides = sparse.csr_matrix((len(points), rows * columns))
     for strand, y, x, part in drawn_pieces(points, view.camera, behind):
-        block = (y // BLOCK) * columns + x // BLOCK
+        block = block_of(y, x, view.camera.width)
         entries = (part / BLOCK**2, (strand, block))
         hides += sparse.csr_matrix(entries, shape=hides.shape)
     share = square_means(view.hair[..., None].astype(np.float32), BLOCK)
     return Covers(hides, share.ravel() >= 0.5)
+
+
+def block_of(
+    y: Int[np.ndarray, "*pixels"], x: Int[np.ndarray, "*pixels"], width: int
+) -> Int[np.ndarray, "*pixels"]:
+    """Return the block of each pixel of a photograph so many pixels wide."""
+    return (y // BLOCK) * -(-width // BLOCK) + x // BLOCK
 
 
 def strand_factors(seen: Sequence[Covers]) -> Float[np.ndarray, " strands"]:
@@ -102,13 +109,26 @@ def strand_factors(seen: Sequence[Covers]) -> Float[np.ndarray, " strands"]:
     for _ in range(ROUNDS):
         asked = np.zeros(len(whole))
         for hides, wanted in seen:
-            hidden = (hides.T @ factor) * width / np.log(2.0)
+            hidden = hidden_by(hides, factor, width)
             ratio = 1.0 / np.maximum(hidden, 1e-9)
             within, beside = np.clip(ratio, 1.0, MOST_ADDED), np.minimum(ratio, 1.0)
             asked += hides @ np.where(wanted, within, beside)
         # Strands that no photograph shows are as they were.
         factor *= np.where(whole > 0.0, asked / np.maximum(whole, 1e-30), 1.0)
     return factor
+
+
+def hidden_by(
+    hides: sparse.csr_matrix, factor: Float[np.ndarray, " strands"], width: float
+) -> Float[np.ndarray, " blocks"]:
+    """Return what strands hide of each block, 1 where it is half of it.
+
+    Args:
+        hides: As in `Covers`.
+        factor: By how much each strand counts.
+        width: Of a strand, in metres.
+    """
+    return (hides.T @ factor) * width / np.log(2.0)
 
 
 def width_of(seen: Sequence[Covers], factor: Float[np.ndarray, " strands"]) -> float:
