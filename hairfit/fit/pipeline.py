@@ -21,7 +21,6 @@ from ..evaluate.visibility import Sight, even_strands
 from ..host import on_device, one_blas_thread
 from ..io.tree import load_tree, round_tree, save_tree
 from ..model.maps import ScalpMaps, even_maps, fill
-from ..model.ownership import find_owner
 from ..model.scalp import Scalp, normals_on, points_on, sample_roots
 from ..model.strand import sample_hair
 from ..model.tree import HairTree, children, leaves, levels
@@ -57,7 +56,7 @@ from .presets import PRESETS, Preset, by_photographs, for_waves
 from .prune import prune
 from .refine import Photographs, refine
 from .residuals import photo_maps
-from .samples import Samples
+from .samples import samples_of
 from .settle import settled
 from .shots import (
     Depths,
@@ -175,34 +174,43 @@ def fit_capture(
     hull, tree, maps = first.hull, first.tree, first.maps
     progress("refining the tree", 0.49)
     alike = {"points": preset.refine.points, "room": room}
-    tree = prune(tree, _samples(tree, preset, config), hull, **alike)
+
+    def over() -> bool:
+        return stop is not None and time.monotonic() - start > stop
+
+    drawn = partial(samples_of, count=preset.refine.strands, seed=config.seed)
+    tree = prune(tree, drawn(tree), hull, **alike)
     refined = partial(
         refine,
-        samples=_samples(tree, preset, config),
+        samples=drawn(tree),
         photographs=Photographs(views, depths, photo_maps(views, maps, depths)),
         volume=hair_volume(hull, first.field),
         places=inner_places(hull),
         room=room,
-        enough=lambda: stop is not None and time.monotonic() - start > stop,
+        enough=over,
     )
     tree = refined(
         tree,
         config=preset.refine,
-        progress=lambda share: progress("refining the tree", 0.49 + 0.37 * share),
+        progress=lambda share: progress("refining the tree", 0.49 + 0.33 * share),
     )
     wave = first.curls.wave, first.curls.height
-    if first.curls.height > 0.0:
-        progress("waving the hair", 0.85)
+    # Waves that photographs have not corrected are worse than none.
+    if first.curls.height > 0.0 and not over():
         tree = with_waves(tree, hull, first.field, *wave, room=room)
-        tree = refined(tree, config=by_photographs(preset.refine))
+        tree = refined(
+            tree,
+            config=by_photographs(preset.refine),
+            progress=lambda share: progress("waving the hair", 0.82 + 0.04 * share),
+        )
         tree = with_lost_waves(tree, *wave, room=room)
-    tree = prune(tree, _samples(tree, preset, config), hull, **alike)
+    tree = prune(tree, drawn(tree), hull, **alike)
     progress("finding what is certain", 0.86)
     with ThreadPoolExecutor(1) as beside:
         certain = beside.submit(
             with_confidence,
             tree,
-            _samples(tree, preset, config),
+            drawn(tree),
             views,
             depths,
             maps,
@@ -482,14 +490,3 @@ Module = TypeVar("Module", HairTree, ScalpMaps)
 def single(module: Module) -> Module:
     """Return a module in single precision, as trees of fits are."""
     return jax.tree.map(lambda leaf: on_device(leaf, jnp.float32), module)
-
-
-def _samples(tree: HairTree, preset: Preset, config: FitConfig) -> Samples:
-    """Return the roots at which tree and photographs are compared."""
-    key = jax.random.fold_in(jax.random.key(config.seed), 1)
-    uv = np.asarray(sample_roots(tree.scalp, preset.refine.strands, key))
-    owner = np.asarray(find_owner(tree, uv))
-    held = owner >= 0
-    # A constant size, or every capture would be compiled anew.
-    index = np.resize(np.flatnonzero(held), len(uv))
-    return Samples(on_device(uv[index], jnp.float32), on_device(owner[index]))

@@ -49,7 +49,7 @@ def by_photographs(config: RefineConfig) -> RefineConfig:
     """Return how waves are refined: by photographs, as the field smooths them."""
     points = max(config.points, WAVY_POINTS)
     return dataclasses.replace(
-        config, rounds=1, steps=20, points=points, field=0.0, lowest_alone=True
+        config, steps=20, points=points, field=0.0, lowest_alone=True
     )
 
 

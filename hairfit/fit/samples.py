@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..host import on_device
 from ..model.contour import contour_radius
 from ..model.curve import EXACT, catmull_rom_weights
 from ..model.cylinder import (
@@ -21,8 +22,8 @@ from ..model.cylinder import (
     cylinder_frames,
     section_points,
 )
-from ..model.ownership import local_coordinates
-from ..model.scalp import Scalp, scalp_point
+from ..model.ownership import find_owner, local_coordinates
+from ..model.scalp import Scalp, sample_roots, scalp_point
 from ..model.tree import Clusters, HairTree, filled
 
 
@@ -48,6 +49,23 @@ class Placed(NamedTuple):
     root: Float[Array, "strands 3"]
     away: Float[Array, "strands knots"]
     theta: Float[Array, " strands"]
+
+
+def samples_of(tree: HairTree, count: int, seed: int) -> Samples:
+    """Return the roots at which a tree and photographs are compared.
+
+    Args:
+        tree: The tree.
+        count: How many come back, also where a tree owns less of its scalp.
+        seed: Of the roots that are drawn.
+    """
+    key = jax.random.fold_in(jax.random.key(seed), 1)
+    uv = np.asarray(sample_roots(tree.scalp, count, key))
+    owner = np.asarray(find_owner(tree, uv))
+    held = owner >= 0
+    # A constant size, or every capture would be compiled anew.
+    index = np.resize(np.flatnonzero(held), len(uv))
+    return Samples(on_device(uv[index], jnp.float32), on_device(owner[index]))
 
 
 @jax.jit

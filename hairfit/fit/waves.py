@@ -33,8 +33,9 @@ MEAN, ALIKE = 0.4, 0.8
 SWINGS = 0.05
 # And its photographs where its own swing is this share of it.
 SEEN = 0.2
-# A map swings 0.7 times as far as its hair.
-MAP_LOSES = 1.4
+# How much farther hair swings than its maps show. They show 0.7 of it, but not always
+# where it is: so less than all is made up.
+MAP_LOSES = 1.3
 STEEPEST = 0.4  # cosine to its middle line, beyond which hair does not wave about it
 ROOTED = 0.5  # waves from the root on, over which waves grow to their height
 
