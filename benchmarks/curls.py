@@ -8,6 +8,7 @@ of the hair's own orientation, of its mean over a turn, and of the maps of locks
 """
 
 import argparse
+import math
 import pathlib
 
 import numpy as np
@@ -70,7 +71,7 @@ def row(folder: pathlib.Path, names: str) -> str:
     if pitch is None:
         return f"{start} | {text_of(None)}, {text_of(size)} | – | – | –"
     locks = see_locks(masks, maps, pixels, pitch)
-    start += f" | {text_of(locks.radius)}, {text_of(size)}"
+    start += f" | {text_of(pitch * locks.slope / (2.0 * math.pi))}, {text_of(size)}"
     strands = even_strands(truth)
     hair = resample_paths(strands[curls.curled], SAMPLES)
     rows = np.asarray(hair - hair[:, :1], np.float32)

@@ -17,20 +17,37 @@ import jax
 import numpy as np
 from scenes import SCENES, make_apart
 from scipy.interpolate import make_interp_spline
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from hairfit.io.mesh import load_mesh, save_mesh
 from hairfit.io.strands import load_strands, save_strands
 from hairfit.model import sample_strands
-from hairfit.types import Strands
+from hairfit.types import Strands, along_paths, resample_paths
 
 SHARED = pathlib.Path(__file__).parents[2] / "shared"
 KNOTS = 32
+SWUNG_KNOTS = 64  # of hair that swings
+HAIRS_A_WISP = 60
 CENTIMETRE = 0.01
 HEAD = SHARED / "files" / "heads" / "ict_neutral.obj"
 ROUND = "--views 8"
 FRONT = "--views 5 --arc 200 --start -80 --light -0.9 1 1.4"
 PHONE = "--size 600 800"
+
+
+class Swing(NamedTuple):
+    """How hair swings about the way it had, wisp by wisp.
+
+    Attributes:
+        size: How far, in metres.
+        length: Of a turn or a wave, in metres.
+        flat: Whether it waves in planes; else it winds, to either side.
+    """
+
+    size: float
+    length: float
+    flat: bool = False
 
 
 class Recipe(NamedTuple):
@@ -41,11 +58,13 @@ class Recipe(NamedTuple):
             model on the head of ICT's face kit.
         options: Of the path tracer.
         strands: Of a drawn scene's tree; 0 for those of its truth.
+        swing: Given to the groom before, None for none.
     """
 
     groom: str
     options: str
     strands: int = 0
+    swing: Swing | None = None
 
 
 RECIPES = {
@@ -61,6 +80,16 @@ RECIPES = {
     "ponytail-by-a-phone": Recipe(
         "ponytail", f"{FRONT} --size 1536 2048 --colour blonde --spp 16"
     ),
+    "waved-ruby": Recipe(
+        "ruby",
+        "--colour blonde --light -0.9 1.2 1.1",
+        swing=Swing(0.005, 0.050, flat=True),
+    ),
+    "wound-ruby": Recipe("ruby", "--colour brown", swing=Swing(0.005, 0.045)),
+    "curled-ruby": Recipe(
+        "ruby", "--colour red --light -0.5 1.3 1.2", swing=Swing(0.007, 0.040)
+    ),
+    "curled-ponytail": Recipe("ponytail", "--colour black", swing=Swing(0.006, 0.035)),
 }
 
 
@@ -92,7 +121,11 @@ def find_groom(
         return path, head
     if recipe.groom not in SCENES:
         folder = SHARED / "captures" / recipe.groom
-        return folder / "truth.npz", folder / "head.obj"
+        if recipe.swing is None:
+            return folder / "truth.npz", folder / "head.obj"
+        path = out / f"{recipe.groom}-swung.npz"
+        save_strands(path, swung(load_strands(folder / "truth.npz"), recipe.swing))
+        return path, folder / "head.obj"
     folder = make_apart(recipe.groom, scenes)
     if not recipe.strands:
         return folder / "truth.npz", folder / "head.obj"
@@ -102,6 +135,36 @@ def find_groom(
     path = out / f"{recipe.groom}-{recipe.strands}.npz"
     save_strands(path, Strands.from_array(np.asarray(dense)))
     return path, folder / "head.obj"
+
+
+def swung(strands: Strands, swing: Swing) -> Strands:
+    """Return hair that swings, from 2 cm after its roots on and fully after 7 cm.
+
+    Hairs whose roots and middles lie together are a wisp, and swing nearly alike.
+    """
+    rng = np.random.default_rng(0)
+    model = np.asarray(strands.points, np.float64).reshape(strands.count, -1, 3)
+    path = resample_paths(model, SWUNG_KNOTS)
+    place = np.concatenate([path[:, 0], 0.5 * path[:, SWUNG_KNOTS // 2]], axis=1)
+    count = max(1, strands.count // HAIRS_A_WISP)
+    middles = place[rng.choice(strands.count, count, replace=False)]
+    wisp = KDTree(middles).query(place)[1]
+    phase = rng.uniform(0.0, 2.0 * np.pi, count)[wisp]
+    phase += rng.normal(0.0, 0.15, strands.count)
+    length = swing.length * np.exp(rng.normal(0.0, 0.08, count))[wisp]
+    size = swing.size * np.exp(rng.normal(0.0, 0.15, count))[wisp]
+    side = np.where(rng.random(count) < 0.5, 1.0, -1.0)[wisp]
+    along = along_paths(path)
+    angle = phase[:, None] + (side / length)[:, None] * 2.0 * np.pi * along
+    far = size[:, None] * np.clip((along - 0.02) / 0.05, 0.0, 1.0)
+    ahead = np.gradient(path, axis=1)
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=2, keepdims=True), 1e-12)
+    across = np.cross(ahead, [0.3, 0.1, 1.0])
+    across /= np.maximum(np.linalg.norm(across, axis=2, keepdims=True), 1e-12)
+    off = np.cos(angle)[..., None] * across
+    if not swing.flat:
+        off += np.sin(angle)[..., None] * np.cross(ahead, across)
+    return Strands.from_array(path + far[..., None] * off)
 
 
 def stood_on(strands: Strands) -> Strands:

@@ -3,8 +3,9 @@
 Where hair curls, what a pixel shows is the side of a turn, not the lock. Over the area
 of a turn the angles average to the lock's own direction, or nearly so; along the lock
 they repeat after a turn: `repeats` tells how long it is, and better which way the lock
-runs. Waves repeat as well, but hardly leave their locks: they are taken as they look,
-and how high they are is told like how large turns are, see `waves`.
+runs. Waves repeat as well, but hardly leave their locks, and lean to neither side of
+them as what winds does, see `winding`: they are taken as they look, and how high they
+are is told like how large turns are, see `waves`.
 
 Where nothing repeats, hair may still curl, too finely to be seen: maps are hardly sure
 of any direction, nor are those of smoother photographs, which show what noise hides.
@@ -38,7 +39,16 @@ from ..model.tree import HairTree, leaves
 from ..types import along_paths
 from .hull import Hull, pixel_sizes
 from .repeats import find_pitch, repeating_lines, repeats
-from .slopes import Crossing, cross_locks, mean_cosine, slope_of, wave_slope_of
+from .slopes import (
+    SUREST_CURLS,
+    TRUST,
+    Crossing,
+    cross_locks,
+    mean_cosine,
+    slope_of,
+    wave_slope_of,
+)
+from .winding import leaning
 
 # Standard deviation of the Gaussian over which angles are averaged, in metres: half of
 # a turn of the curls that can be seen.
@@ -47,6 +57,11 @@ LOCK = 0.016
 # angle. Drawn curls have 0.49, ringlets 0.64, waves 0.07: waves are nearer to their
 # mean direction than to waves of another phase.
 LEAST_SWING = 0.2
+# Hair also curls, however little it swings, if it winds about its locks: if so much of
+# its swing leans lock by lock (see `winding`; path-traced hair that winds has 0.14 to
+# 0.22, hair that waves in planes 0.10 at most), and from this slope on, as hair that
+# winds less is near to its locks in any case.
+LEAST_LEAN, LEAST_SLOPE = 0.12, 0.35
 # Slope from which on hair does not wave. Drawn waves have 0.4 to 0.7; of hair that does
 # not repeat at all, 1.4 and more is found.
 STEEPEST_WAVE = 1.0
@@ -96,13 +111,15 @@ class SeenLocks(NamedTuple):
 
     Attributes:
         maps: Orientation maps of them, one for each photograph.
-        radius: Of their curls, in metres.
+        slope: Of their curls: metres across a metre along.
         crossing: At which angles hair crosses them.
+        lean: How much of what hair swings about them leans, lock by lock.
     """
 
     maps: list[OrientationMap]
-    radius: float
+    slope: float
     crossing: Crossing
+    lean: float
 
 
 def see_curls(
@@ -129,8 +146,10 @@ def see_curls(
     wave = height = 0.0
     if pitch is not None:
         locks = see_locks([view.hair for view in views], maps, pixels, pitch)
-        if swing(some[1], [locks.maps[k] for k in few]) > LEAST_SWING:
-            return Curls(locks.radius, pitch, locks.maps, True)
+        winds = locks.lean > LEAST_LEAN and locks.slope > LEAST_SLOPE
+        if winds or swing(some[1], [locks.maps[k] for k in few]) > LEAST_SWING:
+            radius = pitch * locks.slope / (2.0 * math.pi)
+            return Curls(radius, pitch, locks.maps, True)
         wave, height = pitch, wave_height(locks.crossing, pitch)
     if show_direction(*some):
         return Curls(0.0, 0.0, list(maps), True, wave, height)
@@ -152,11 +171,16 @@ def see_locks(
         pixels: Widths of a pixel, in metres.
         pitch: Length of a turn, in metres.
     """
-    again = list(abreast(repeating_lines, hair, maps, pixels, [pitch] * len(hair)))
+    pitches = [pitch] * len(hair)
+    again = list(abreast(repeating_lines, hair, maps, pixels, pitches))
     crossing = np.sum(list(abreast(cross_locks, hair, maps, again)), axis=0)
+    how = (np.full(len(hair), one) for one in (SUREST_CURLS, TRUST))
+    wider = np.sum(list(abreast(cross_locks, hair, maps, again, *how)), axis=0)
+    leans = list(abreast(leaning, hair, maps, again, pixels, pitches))
+    lean, whole = np.sum(leans, axis=0)
     given = hair, maps, pixels, again, [mean_cosine(crossing)] * len(hair)
-    radius = pitch * slope_of(crossing) / (2.0 * math.pi)
-    return SeenLocks(list(abreast(lock_directions, *given)), radius, crossing)
+    directions = list(abreast(lock_directions, *given))
+    return SeenLocks(directions, slope_of(wider), crossing, lean / max(whole, 1e-12))
 
 
 def wave_height(crossing: Crossing, wave: float) -> float:

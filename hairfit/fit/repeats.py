@@ -16,11 +16,11 @@ from scipy import ndimage, signal
 
 from ..capture.filters import gaussian_blur, square_means
 from ..capture.orientation import OrientationMap, bounding_box
+from .slopes import TRUST
 
 PIXEL = 0.003  # metres of a pixel to which maps are reduced
 MEAN = 0.012  # standard deviation of the Gaussian about whose mean angles swing, metres
 AROUND = 0.030  # and of that in which turns repeat
-TRUST = 0.25  # power of the confidence: both sides of a turn count, one is seen sharper
 WAYS = np.pi * np.arange(16) / 16  # that are compared: angles from +x towards +y
 # Shares of a turn after which it repeats in the picture: locks that lean towards the
 # camera are seen shorter.

@@ -20,6 +20,9 @@ from ..evaluate.photographs import line_angle
 
 # Share of a photograph's hair whose locks are told best: what its slope is read from.
 SUREST = 0.4
+# That of curls, and the power of the confidence that counts: both sides of a turn do,
+# of which one is seen sharper.
+SUREST_CURLS, TRUST = 0.6, 0.25
 STEEP = 0.75  # share of it that is less steep than what tells the slope
 # Share of waving hair that tells its slope, and what that crosses of `T`.
 HALF, FLAT = 0.5, 0.36
@@ -33,6 +36,8 @@ def cross_locks(
     hair: Bool[np.ndarray, "height width"],
     found: OrientationMap,
     lines: Float[np.ndarray, "height width 2"],
+    surest: float = SUREST,
+    trust: float = 1.0,
 ) -> Crossing:
     """Return at which angles hair crosses its locks where these are told best.
 
@@ -40,16 +45,18 @@ def cross_locks(
         hair: Which pixels are hair.
         found: The orientation map.
         lines: Cosine and sine of twice the angle of the locks, the longer the surer.
+        surest: Share of the hair that counts.
+        trust: Power of the map's confidence by which it counts.
 
     Returns:
-        The weights of angles between `EDGES`: the map's confidence.
+        The weights of angles between `EDGES`.
     """
     if not hair.any():
         return np.zeros(BINS)
     sure = np.hypot(lines[..., 0], lines[..., 1])
-    best = hair & (sure > np.quantile(sure[hair], 1.0 - SUREST))
+    best = hair & (sure > np.quantile(sure[hair], 1.0 - surest))
     off = line_angle(found.angle[best], angle_of_line(lines[best, 0], lines[best, 1]))
-    weight = found.confidence[best].astype(np.float64)
+    weight = found.confidence[best].astype(np.float64) ** trust
     return np.histogram(off, EDGES, weights=weight)[0]
 
 

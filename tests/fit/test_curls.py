@@ -116,6 +116,33 @@ def test_hair_that_repeats_by_chance_has_no_waves():
     assert wave_height(locks.crossing, 0.05) == 0.0
 
 
+def hanging(found, *, winds):
+    """Return the map of locks that hang and swing, surest where they run straight down.
+
+    Those that wind slope to one side each, those that wave to both.
+    """
+    rng = np.random.default_rng(0)
+    rows, columns = np.indices(found.angle.shape)
+    lock = columns // round(0.01 / PIXEL)
+    phase, hand = 2.0 * np.pi * rng.random((2, lock.max() + 1))
+    turned = np.cos(2.0 * np.pi * rows * PIXEL / 0.045 + phase[lock])
+    one_side = np.where(hand < np.pi, 0.5, -0.5)[lock] * (1.0 + turned)
+    across = 0.6 * (one_side if winds else 0.5 * turned)
+    angle = np.mod(0.5 * np.pi + np.arctan(across), np.pi)
+    sure = found.confidence * np.exp(-5.0 * across**2)
+    return dataclasses.replace(
+        found, angle=angle.astype(np.float32), confidence=sure.astype(np.float32)
+    )
+
+
+def test_hair_that_winds_curls_however_little_it_swings():
+    views, maps = seen(curtain())
+    flat = see_curls(HULL, views, [hanging(one, winds=False) for one in maps])
+    assert flat.radius == 0.0 and flat.wave == pytest.approx(0.045, rel=0.05)
+    wound = see_curls(HULL, views, [hanging(one, winds=True) for one in maps])
+    assert wound.radius > 0.002 and wound.pitch == pytest.approx(0.045, rel=0.05)
+
+
 def test_neither_curls_nor_a_bend_are_waves():
     assert see_curls(HULL, *seen(curtain(0.005, 0.03))).wave == 0.0
     assert see_curls(HULL, *seen(curtain(bend=0.03))).wave == 0.0
