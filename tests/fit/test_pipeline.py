@@ -155,14 +155,24 @@ def test_strands_of_curly_hair_curl(fitted, capture, monkeypatch):
     assert np.median(curls.radius[curls.curled]) == pytest.approx(0.004, rel=0.15)
 
 
-@pytest.mark.slow
-def test_skeletons_of_wavy_hair_have_twice_the_knots(fitted, capture, monkeypatch):
+@pytest.fixture
+def waves(monkeypatch):
+    """Let photographs show waves of 40 mm, 4 mm high."""
     monkeypatch.setattr(
         pipeline,
         "see_curls",
         lambda _, views, maps, *__: Curls(0.0, 0.0, list(maps), True, 0.04, 0.004),
     )
-    result = fit_capture(capture, CONFIG)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("waves")
+def test_skeletons_of_wavy_hair_have_twice_the_knots(fitted, capture):
+    said: list[str] = []
+    result = fit_capture(
+        capture, CONFIG, progress=lambda stage, share: said.append(stage)
+    )
+    assert "waving the hair" in said
     assert result.figures["wave_length_mm"] == 40.0
     assert result.figures["wave_height_mm"] == 4.0
     wavy, straight = result.tree, fitted[0].tree
@@ -231,6 +241,7 @@ def test_a_fit_that_is_taken_up_gives_the_same_bytes(fitted, capture, tmp_path, 
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("waves")
 def test_a_fit_in_no_time_is_a_draft_without_refinement(capture):
     said: list[str] = []
     config = FitConfig("high", seed=3, strands=400, time_limit=1.0)
@@ -239,6 +250,7 @@ def test_a_fit_in_no_time_is_a_draft_without_refinement(capture):
     )
     assert result.figures["quality"] == "draft"
     assert said.count("refining the tree") == 1  # its start, no round
+    assert "waving the hair" not in said
     points = result.strands.points
     assert len(points) and np.isfinite(points).all()
 
