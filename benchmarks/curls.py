@@ -8,7 +8,6 @@ of the hair's own orientation, of its mean over a turn, and of the maps of locks
 """
 
 import argparse
-import math
 import pathlib
 
 import numpy as np
@@ -31,6 +30,7 @@ from hairfit.fit.curls import mean_line, see_locks
 from hairfit.fit.hull import carve, pixel_sizes
 from hairfit.fit.presets import PRESETS
 from hairfit.fit.repeats import find_pitch, repeats
+from hairfit.fit.slopes import radius_at
 from hairfit.io.strands import load_strands
 from hairfit.render import project_points
 from hairfit.render.raster import cells, rasterise, visible_points
@@ -71,7 +71,7 @@ def row(folder: pathlib.Path, names: str) -> str:
     if pitch is None:
         return f"{start} | {text_of(None)}, {text_of(size)} | – | – | –"
     locks = see_locks(masks, maps, pixels, pitch)
-    start += f" | {text_of(pitch * locks.slope / (2.0 * math.pi))}, {text_of(size)}"
+    start += f" | {text_of(radius_at(locks.slope, pitch))}, {text_of(size)}"
     strands = even_strands(truth)
     hair = resample_paths(strands[curls.curled], SAMPLES)
     rows = np.asarray(hair - hair[:, :1], np.float32)

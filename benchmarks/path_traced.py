@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 from hairfit.io.mesh import load_mesh, save_mesh
 from hairfit.io.strands import load_strands, save_strands
 from hairfit.model import sample_strands
+from hairfit.render.raster import unit
 from hairfit.types import Strands, along_paths, resample_paths
 
 SHARED = pathlib.Path(__file__).parents[2] / "shared"
@@ -157,10 +158,8 @@ def swung(strands: Strands, swing: Swing) -> Strands:
     along = along_paths(path)
     angle = phase[:, None] + (side / length)[:, None] * 2.0 * np.pi * along
     far = size[:, None] * np.clip((along - 0.02) / 0.05, 0.0, 1.0)
-    ahead = np.gradient(path, axis=1)
-    ahead /= np.maximum(np.linalg.norm(ahead, axis=2, keepdims=True), 1e-12)
-    across = np.cross(ahead, [0.3, 0.1, 1.0])
-    across /= np.maximum(np.linalg.norm(across, axis=2, keepdims=True), 1e-12)
+    ahead = unit(np.gradient(path, axis=1))
+    across = unit(np.cross(ahead, [0.3, 0.1, 1.0]))
     off = np.cos(angle)[..., None] * across
     if not swing.flat:
         off += np.sin(angle)[..., None] * np.cross(ahead, across)

@@ -19,6 +19,7 @@ so their radius. How they wind is found last, see `locks`.
 import dataclasses
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +46,7 @@ from .slopes import (
     Crossing,
     cross_locks,
     mean_cosine,
+    radius_at,
     slope_of,
     wave_slope_of,
 )
@@ -148,8 +150,7 @@ def see_curls(
         locks = see_locks([view.hair for view in views], maps, pixels, pitch)
         winds = locks.lean > LEAST_LEAN and locks.slope > LEAST_SLOPE
         if winds or swing(some[1], [locks.maps[k] for k in few]) > LEAST_SWING:
-            radius = pitch * locks.slope / (2.0 * math.pi)
-            return Curls(radius, pitch, locks.maps, True)
+            return Curls(radius_at(locks.slope, pitch), pitch, locks.maps, True)
         wave, height = pitch, wave_height(locks.crossing, pitch)
     if show_direction(*some):
         return Curls(0.0, 0.0, list(maps), True, wave, height)
@@ -174,8 +175,8 @@ def see_locks(
     pitches = [pitch] * len(hair)
     again = list(abreast(repeating_lines, hair, maps, pixels, pitches))
     crossing = np.sum(list(abreast(cross_locks, hair, maps, again)), axis=0)
-    how = (np.full(len(hair), one) for one in (SUREST_CURLS, TRUST))
-    wider = np.sum(list(abreast(cross_locks, hair, maps, again, *how)), axis=0)
+    cross_more = partial(cross_locks, surest=SUREST_CURLS, trust=TRUST)
+    wider = np.sum(list(abreast(cross_more, hair, maps, again)), axis=0)
     leans = list(abreast(leaning, hair, maps, again, pixels, pitches))
     lean, whole = np.sum(leans, axis=0)
     given = hair, maps, pixels, again, [mean_cosine(crossing)] * len(hair)
@@ -194,7 +195,7 @@ def wave_height(crossing: Crossing, wave: float) -> float:
         wave: Length of a wave, in metres.
     """
     slope = wave_slope_of(crossing)
-    return wave * slope / (2.0 * math.pi) if slope < STEEPEST_WAVE else 0.0
+    return radius_at(slope, wave) if slope < STEEPEST_WAVE else 0.0
 
 
 def swing(maps: Sequence[OrientationMap], locks: Sequence[OrientationMap]) -> float:

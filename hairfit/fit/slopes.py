@@ -80,6 +80,16 @@ def wave_slope_of(crossing: Crossing) -> float:
     return crossed_by(crossing, HALF) / FLAT
 
 
+def radius_at(slope: float, pitch: float) -> float:
+    """Return how far from its middle hair of a slope goes, in metres.
+
+    Args:
+        slope: Of curls or waves: metres across a metre along.
+        pitch: Length of a turn or a wave, in metres.
+    """
+    return pitch * slope / (2.0 * np.pi)
+
+
 def crossed_by(crossing: Crossing, share: float) -> float:
     """Return the slope than which a share of hair crosses its locks less steeply."""
     total = np.concatenate([[0.0], np.cumsum(crossing)])

@@ -12,8 +12,8 @@ from jaxtyping import Bool, Float, Float32
 
 from ..capture.filters import gaussian_blur, square_means
 from ..capture.orientation import OrientationMap, bounding_box
-from .repeats import LEAST, TRUST
-from .slopes import SUREST
+from .repeats import LEAST
+from .slopes import SUREST, TRUST
 
 PIXEL = 0.0015  # metres of a pixel to which maps are reduced: a part of a lock
 AROUND = 0.020  # standard deviation of the Gaussian in which locks lean alike, metres
@@ -60,7 +60,7 @@ def leaning(
     way = 0.5 * np.arctan2(each[..., 3], each[..., 2])
     turn = means_along(each[..., :2], way, pitch / pixel)
     full = each[..., 4] > FILLED
-    if not full.any():
+    if not turn[full, 1].any():
         return np.zeros(2)
     told = full & (turn[..., 1] > SAYS * np.median(turn[full, 1]))
     counts = np.where(told, turn[..., 1], 0.0)

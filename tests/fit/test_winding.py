@@ -56,6 +56,8 @@ def test_what_is_no_hair_or_says_nothing_does_not_count():
     changed = OrientationMap(other, blind, found.sigma)
     assert share(changed, lines) == pytest.approx(whole[0] / whole[1], rel=0.1)
     assert not leaning(~HAIR, found, lines, PIXEL, PITCH).any()
+    mute = OrientationMap(found.angle, 0.0 * blind, found.sigma)
+    assert not leaning(HAIR, mute, lines, PIXEL, PITCH).any()
 
 
 @pytest.mark.parametrize("way", [0.0, 0.6, 2.1])
