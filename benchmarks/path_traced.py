@@ -60,12 +60,14 @@ class Recipe(NamedTuple):
         options: Of the path tracer.
         strands: Of a drawn scene's tree; 0 for those of its truth.
         swing: Given to the groom before, None for none.
+        kept: How much of its length each hair keeps, from the root on.
     """
 
     groom: str
     options: str
     strands: int = 0
     swing: Swing | None = None
+    kept: float = 1.0
 
 
 RECIPES = {
@@ -91,6 +93,12 @@ RECIPES = {
         "ruby", "--colour red --light -0.5 1.3 1.2", swing=Swing(0.007, 0.040)
     ),
     "curled-ponytail": Recipe("ponytail", "--colour black", swing=Swing(0.006, 0.035)),
+    "bobbed-ruby": Recipe("ruby", "--colour grey --light 0.2 1.4 1.3", kept=0.45),
+    "cropped-ruby": Recipe(
+        "ruby", f"{ROUND} --colour brown --light 0.2 1.4 1.3", kept=0.3
+    ),
+    "cropped-ponytail": Recipe("ponytail", f"{ROUND} --colour blonde", kept=0.4),
+    "cropped-straight": Recipe("straight.hair", f"{ROUND} --colour red", kept=0.4),
 }
 
 
@@ -115,17 +123,21 @@ def find_groom(
 ) -> tuple[pathlib.Path, pathlib.Path]:
     """Return the files of a groom and of its head, which are made if need be."""
     if recipe.groom.endswith(".hair"):
-        path, head = out / "straight.npz", out / "head.obj"
-        save_strands(path, stood_on(load_strands(SHARED / "files" / recipe.groom)))
+        path, head = out / f"straight-{recipe.kept}.npz", out / "head.obj"
+        hair = stood_on(load_strands(SHARED / "files" / recipe.groom))
+        save_strands(path, cut(hair, recipe.kept))
         mesh = load_mesh(HEAD)
         save_mesh(head, dataclasses.replace(mesh, vertices=CENTIMETRE * mesh.vertices))
         return path, head
     if recipe.groom not in SCENES:
         folder = SHARED / "captures" / recipe.groom
-        if recipe.swing is None:
+        if recipe.swing is None and recipe.kept == 1.0:
             return folder / "truth.npz", folder / "head.obj"
-        path = out / f"{recipe.groom}-swung.npz"
-        save_strands(path, swung(load_strands(folder / "truth.npz"), recipe.swing))
+        hair = load_strands(folder / "truth.npz")
+        if recipe.swing is not None:
+            hair = swung(hair, recipe.swing)
+        path = out / f"{recipe.groom}-changed.npz"
+        save_strands(path, cut(hair, recipe.kept))
         return path, folder / "head.obj"
     folder = make_apart(recipe.groom, scenes)
     if not recipe.strands:
@@ -136,6 +148,20 @@ def find_groom(
     path = out / f"{recipe.groom}-{recipe.strands}.npz"
     save_strands(path, Strands.from_array(np.asarray(dense)))
     return path, folder / "head.obj"
+
+
+def cut(strands: Strands, kept: float) -> Strands:
+    """Return hair of which this share of its length is left, from the roots on."""
+    if kept == 1.0:
+        return strands
+    knots = np.asarray(strands.points, np.float64).reshape(strands.count, -1, 3)
+    along = along_paths(knots)
+    at = np.linspace(0.0, kept, KNOTS) * along[:, -1:]
+    parts = [
+        np.stack([np.interp(to, old, path[:, axis]) for axis in range(3)], axis=1)
+        for to, old, path in zip(at, along, knots, strict=True)
+    ]
+    return Strands.from_array(np.stack(parts))
 
 
 def swung(strands: Strands, swing: Swing) -> Strands:

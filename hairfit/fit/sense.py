@@ -9,11 +9,16 @@ is the tip's because it comes farther still.
 Of what it gained a line takes back what it loses again, unless it came so far: a tip is
 where hair ends, whereas towards the root it may pass over thick hair first. A few
 millimetres it may lose for nothing, as on its way over a lock.
+Nor need a tip be far from the scalp: short hair lies over the nape, nearer to the skin
+than where it grew over other hair. But a line that leaves the hull straight through its
+border, in the air, ends there; a hair does so at its tip, and at its root in the skin.
 Lines go astray, over a parting above all, where the field is hardly sure: so what they
 find counts less the more doubt they passed, they say less where they start in doubt,
-and each place takes the mean of what the lines around it say. Lines that graze the
-hull's border, which is made of voxels, go on along it, in as much doubt as where the
-field says nothing, though not beside the skin, where hair begins.
+and each place asks the lines around it: of all that they find, how much more is ahead
+than behind? So short lines in the skin, which find a millimetre, do not outvote long
+ones over them. Lines that graze the hull's border, which is made of voxels, go on along
+it, in as much doubt as where the field says nothing, though not beside the skin, where
+hair begins.
 Where a tail leaves the head (`tails.py`), the hair around goes to its tie, the nearer
 the surer: a line gains by coming to a tie as by coming farther from the scalp, and hair
 beside one grows towards it. From the nape it grows up to the tie, though lines there
@@ -34,13 +39,14 @@ from .tails import find_tails, pull_of
 EVERY = 2  # voxels along each axis of which one is the start of a line
 LONGEST = 0.5  # metres, either way
 STRAIGHT = 0.5  # of the way a line came, against that of the field ahead
-DOUBT = 0.015  # metres of a field that says nothing after which a third is believed
+DOUBT = 0.008  # metres of a field that says nothing after which a third is believed
 REACHED = 0.03  # metres farther from the scalp than the start: surely a tip
 LOSES = 0.003  # metres that a line may lose again after it came farthest
 SAME = 0.0015  # metres by which such differences hardly differ
-AROUND = 0.018  # metres, the Gaussian over which lines agree
+AROUND = 0.03  # metres, the Gaussian over which lines agree
 GRAZING = 0.3  # least cosine to the hull's normal at which a line leaves it
 ALOFT = 0.01  # metres above the skin from which on lines go along the hull
+STEEP = (0.4, 0.9)  # such cosines at which they end: hardly, and surely
 WITHIN = 0.6  # voxels inside the hull to which a line that grazes it returns
 GATHERED = 0.06  # metres farther from the scalp that a tie counts as
 DRAWN = 0.5  # of what lines say: that hair beside a tie grows straight to it
@@ -73,30 +79,39 @@ def growth_sense(
         _farther(hull, outwards, field, distance, start, way * heading)
         for way in (1.0, -1.0)
     )
-    told = (ahead - behind) / (ahead + behind + SAME)
-    told *= field.anisotropy[hull.hair][some]
+    told = (ahead - behind) * field.anisotropy[hull.hair][some]
     started = np.zeros(hull.grid.shape, bool)
     started[tuple(voxels[some].T)] = True
     drawn = np.where(tails.hair, 0.0, DRAWN * pull.nearness)
     drawn *= (pull.towards * field.direction[hull.hair]).sum(axis=1)
-    return _mean_around(hull, field, started, told[:, None] * heading) + drawn
+    found = ahead + behind + SAME
+    return _shares_around(hull, field, started, told[:, None] * heading, found) + drawn
 
 
-def _mean_around(
+def _shares_around(
     hull: Hull,
     field: Field,
     started: Bool[np.ndarray, "x y z"],
     told: Float[np.ndarray, "lines 3"],
+    found: Float[np.ndarray, " lines"],
 ) -> Float[np.ndarray, " voxels"]:
-    """Return the blurred mean of vectors along the field, in every voxel of hair."""
+    """Return what lines tell, of what they find, along the field in voxels of hair.
+
+    Args:
+        hull: Where hair is.
+        field: Directions.
+        started: Where lines start.
+        told: How much more they find ahead, times the way that is, in metres.
+        found: How much they find both ways, in metres.
+    """
     sigma = AROUND / hull.grid.spacing
-    count = blurred(started, np.ones(len(told)), sigma)[hull.hair]
-    mean = sum(
+    whole = blurred(started, found, sigma)[hull.hair]
+    more = sum(
         blurred(started, told[:, axis], sigma)[hull.hair]
         * field.direction[hull.hair][:, axis]
         for axis in range(3)
     )
-    return mean / np.maximum(count, 1e-12)
+    return more / np.maximum(whole, 1e-12)
 
 
 def _farther(
@@ -110,7 +125,8 @@ def _farther(
     """Return how much farther from the scalp lines come on one way along a field.
 
     At most `REACHED`, in metres, times how far the way there can be believed. A line
-    that never came so far takes back what it loses until it ends, but for `LOSES`.
+    that never came so far takes back what it loses until it ends, but for `LOSES`; one
+    that ends in the air has come so far.
 
     Args:
         hull: Lines end where they leave its hair, but go on where they graze it.
@@ -122,7 +138,7 @@ def _farther(
     """
     grid = hull.grid
     here = distance[tuple(grid.voxel(start).T)]
-    farther, most, lost = (np.zeros(len(start)) for _ in range(3))
+    farther, most, lost, tip = (np.zeros(len(start)) for _ in range(4))
     point, rows, belief = start, np.arange(len(start)), np.ones(len(start))
     fading = np.exp((field.anisotropy - 1.0) * grid.spacing / DOUBT)
     grazing = np.exp(-grid.spacing / DOUBT)
@@ -131,6 +147,10 @@ def _farther(
         at, inside = _voxels(hull, point)
         belief = np.where(grazes, belief * grazing, belief)
         on = inside & hull.hair[at]
+        ends = inside & ~hull.hair[at]
+        beyond = tuple(axis[ends] for axis in at)
+        steep = (outwards[beyond] * heading[ends]).sum(axis=1)
+        tip[rows[ends]] = belief[ends] * _in_the_air(hull.head[beyond], steep)
         if not on.any():
             break
         at = tuple(axis[on] for axis in at)
@@ -144,7 +164,22 @@ def _farther(
         along = field.direction[at]
         same = np.sign((along * heading).sum(axis=1))[:, None]
         heading = unit(STRAIGHT * heading + same * along)
-    return np.maximum(farther - lost, 0.0)
+    return np.maximum(np.maximum(farther - lost, 0.0), REACHED * tip)
+
+
+def _in_the_air(
+    height: Float[np.ndarray, " lines"], steep: Float[np.ndarray, " lines"]
+) -> Float[np.ndarray, " lines"]:
+    """Return how surely lines that leave the hull end there as tips do, 0 to 1.
+
+    Args:
+        height: How far above the skin they leave it, in metres.
+        steep: Cosine between their way and its outward normal.
+    """
+    least, sure = STEEP
+    return np.clip(height / ALOFT, 0.0, 1.0) * np.clip(
+        (steep - least) / (sure - least), 0.0, 1.0
+    )
 
 
 class Kept(NamedTuple):

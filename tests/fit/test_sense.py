@@ -3,7 +3,7 @@ import pytest
 from ball_hair import all_centres, hull_where
 
 from hairfit.fit.evidence import Field
-from hairfit.fit.sense import DOUBT, LOSES, REACHED, SAME, growth_sense
+from hairfit.fit.sense import ALOFT, DOUBT, LOSES, REACHED, SAME, growth_sense
 
 SPACING = 0.004
 
@@ -21,8 +21,13 @@ def along_x(hull):
     return np.tile([1.0, 0.0, 0.0], (*hull.grid.shape, 1))
 
 
-def bar(length, height=0.02):
-    """Return hair along x from 0 on, so far from the skin."""
+def in_the_skin(places):
+    """Return no height for all places, so that no line ends in the air."""
+    return np.zeros(len(places))
+
+
+def bar(length, height=0.0):
+    """Return hair along x from 0 on, so far from the skin but for its two ends."""
     return hull_where(
         lambda p: (
             (p[:, 0] > 0) & (p[:, 0] < length) & (np.abs(p[:, 1:]) < 0.012).all(1)
@@ -30,7 +35,7 @@ def bar(length, height=0.02):
         [-0.02, -0.02, -0.02],
         [length + 0.02, 0.02, 0.02],
         SPACING,
-        head=lambda p: np.full(len(p), height),
+        head=lambda p: np.where((p[:, 0] > 0) & (p[:, 0] < length), height, 0.0),
     )
 
 
@@ -98,6 +103,7 @@ def test_lines_go_on_where_the_field_turns_sharply_from_one_voxel_to_the_next():
         [-0.07, -0.07, -0.02],
         [0.07, 0.07, 0.02],
         SPACING,
+        head=in_the_skin,
     )
     x = all_centres(hull)[..., 0]
     turn = np.radians(75.0)
@@ -147,7 +153,7 @@ def test_signs_of_the_field_change_no_sense(seed):
     assert (before >= 0.0).all() and before[away < 0.08].min() > 0.05
 
 
-def arch(right=0.06):
+def arch(right=0.06, head=in_the_skin):
     """Return hair over a roof that hangs 12 cm down at -x, and so far at +x."""
 
     def inside(p):
@@ -156,7 +162,8 @@ def arch(right=0.06):
         lowest = np.where(p[:, 0] < 0, -0.12, -right)
         return (plate | curtain & (p[:, 1] > lowest)) & (np.abs(p[:, 2]) < 0.02)
 
-    hull = hull_where(inside, [-0.07, -0.13, -0.03], [0.07, 0.02, 0.03], SPACING)
+    low, high = [-0.07, -0.13, -0.03], [0.07, 0.02, 0.03]
+    hull = hull_where(inside, low, high, SPACING, head=head)
     centres = all_centres(hull)
     corner = np.maximum(np.abs(centres[..., 0]) - 0.04, 0.0) / 0.012
     turn = 0.5 * np.pi * np.clip(corner, 0.0, 1.0)
@@ -173,6 +180,7 @@ def sense_on_the_right(hull, centres, field):
     return growth_sense(hull, field, away)[strip]
 
 
+@pytest.mark.usefixtures("single_lines")
 def test_of_a_line_over_the_top_no_end_is_the_tip_unless_the_other_is_none():
     hull, centres, along = arch()
     over = sense_on_the_right(hull, centres, made(hull, along))
@@ -180,6 +188,64 @@ def test_of_a_line_over_the_top_no_end_is_the_tip_unless_the_other_is_none():
     hull, centres, along = arch(right=0.016)
     over = sense_on_the_right(hull, centres, made(hull, along))
     assert over.max() < -0.3
+
+
+@pytest.mark.usefixtures("single_lines")
+@pytest.mark.parametrize("height", [0.0, 0.4 * ALOFT, 2.0 * ALOFT])
+def test_a_line_that_ends_in_the_air_ends_at_a_tip(height):
+    # One end is farther from the scalp, but in the skin; the other is in the air.
+    hull = bar(0.1)
+    x = hull.grid.centres(hull.hair)[:, 0]
+    hull.head[:] = np.where(all_centres(hull)[..., 0] < 0.0, height, 0.0)
+    found = growth_sense(hull, made(hull, along_x(hull)), 0.1 * x)
+    gain = 0.1 * (x.max() - x)
+    air = REACHED * min(height / ALOFT, 1.0)
+    assert np.allclose(found, (gain - air) / (gain + air + SAME), atol=1e-9)
+
+
+@pytest.mark.usefixtures("single_lines")
+@pytest.mark.parametrize(("degrees", "share"), [(20.0, 0.0), (40.0, 0.49), (65.0, 1.0)])
+def test_a_line_that_slides_out_of_the_hull_says_less(degrees, share):
+    # A slab that goes on for long, so that lines leave it through its upper side.
+    hull = hull_where(
+        lambda p: (np.abs(p[:, :1]) < 0.2).all(1) & (np.abs(p[:, 1:]) < 0.012).all(1),
+        [-0.22, -0.02, -0.02],
+        [0.22, 0.02, 0.02],
+        SPACING,
+        head=lambda p: np.where(p[:, 1] > 0.0, 2.0 * ALOFT, 0.0),
+    )
+    slope = np.radians(degrees)
+    direction = np.tile([np.cos(slope), np.sin(slope), 0.0], (*hull.grid.shape, 1))
+    place = hull.grid.centres(hull.hair)
+    found = growth_sense(hull, made(hull, direction), np.zeros(len(place)))
+    middle = (np.abs(place[:, 0]) < 0.05) & (np.abs(place[:, 2]) < 0.006)
+    tip = share * REACHED
+    assert np.allclose(found[middle], tip / (tip + SAME), atol=0.1)
+
+
+def test_short_hair_grows_over_the_nape_though_it_comes_nearer_to_the_scalp():
+    # From a crown over a bulge of other hair and down to the nape, where it is cut.
+    hull, centres, along = arch(
+        head=lambda p: np.where(p[:, 1] < 0.0, 2.0 * ALOFT, 0.0)
+    )
+    parting = np.where(np.abs(centres[..., 0]) < 0.016, 0.02, 1.0)
+    place = centres[hull.hair]
+    bulge = np.hypot(place[:, 0] - 0.05, place[:, 1])
+    away = np.where(place[:, 0] > 0, np.maximum(0.02 - 0.4 * bulge, 0.0), -place[:, 1])
+    hangs = (place[:, 0] > 0.046) & (place[:, 1] < -0.02)
+    told = growth_sense(hull, made(hull, along, sure=parting), away)[hangs]
+    assert told.min() > 0.3
+
+
+def test_many_lines_that_find_little_do_not_outvote_one_that_finds_a_tip():
+    # In the lower layer lines come a millimetre farther, in the upper one 3 cm.
+    hull = bar(0.1)
+    x, y, _ = hull.grid.centres(hull.hair).T
+    away = np.where(y < 0.004, -0.01 * x, x)
+    field = made(hull, along_x(hull))
+    told = growth_sense(hull, field, away)
+    assert (y < 0.004).mean() > 0.6
+    assert told[np.abs(x - 0.05) < 0.02].min() > 0.5
 
 
 def test_hair_beside_an_unsure_parting_does_not_grow_over_it():
@@ -196,7 +262,8 @@ def test_tied_hair_grows_along_the_head_to_where_its_tail_leaves():
         tail = (np.abs(p[:, 0] - 0.054) < 0.007) & (p[:, 1] > 0) & (p[:, 1] < 0.12)
         return plate & (np.abs(p[:, 2]) < 0.02) | tail & (np.abs(p[:, 2]) < 0.006)
 
-    hull = hull_where(inside, [-0.07, -0.02, -0.03], [0.07, 0.13, 0.03], SPACING)
+    low, high = [-0.07, -0.02, -0.03], [0.07, 0.13, 0.03]
+    hull = hull_where(inside, low, high, SPACING, head=in_the_skin)
     centres = all_centres(hull)
     tie = np.array([0.054, 0.0, 0.0])
     turn = 0.5 * np.pi * np.clip((centres[..., 0] - 0.03) / 0.02, 0.0, 1.0)

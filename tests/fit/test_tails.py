@@ -86,7 +86,7 @@ def test_hair_under_a_tie_grows_up_to_it_though_loose_hair_hangs_below(tied):
     direction = np.zeros((*hull.grid.shape, 3))
     direction[hull.hair] = along / np.linalg.norm(along, axis=1, keepdims=True)
     field = Field(direction, np.ones(hull.grid.shape))
-    away = height + 0.1 * np.maximum(-centres[:, 1], 0.0)
+    away = height + 0.2 * np.maximum(-centres[:, 1], 0.0)
     sense = growth_sense(hull, field, away)
     back = (height < SHELL) & (centres[:, 2] < 0.0) & (np.abs(centres[:, 0]) < 0.02)
     up, down = (
