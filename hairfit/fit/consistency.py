@@ -7,7 +7,7 @@ disagree, and so does how dark it is. Carving by photo-consistency (Kutulakos & 
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -32,8 +32,11 @@ from .shades import Shade, find_shades
 INCONSISTENT = 1.5  # disagreement over the expected one from which on there is no hair
 UNLIKE = 2.0  # times as unlike as usual, likewise; each layer takes one time more
 # Where directions contradict each other so much less than elsewhere, what shades would
-# cut is hair: thin, before something bright, it had 0.46; other heads 0.65 and more.
-DOUBTED = 0.55
+# cut is hair: thin, before something bright, or cut short it had 0.26 to 0.59 in the
+# first two layers, ghosts of other heads 0.65 and more.
+DOUBTED = 0.62
+ASKED = 2  # layers
+LEAST_CUT = 0.1  # of a layer, by which to judge
 AROUND = 0.006  # metres: one voxel says little, those around it decide together
 LEAST_AROUND = 2.0  # voxels; a single large one is partly air, and differs by itself
 DEEP = 0.015  # metres within the surface in which voxels are asked
@@ -56,7 +59,8 @@ def carve_by_consistency(
 ) -> Hull:
     """Return the hull without voxels at its surface where views contradict each other.
 
-    Layer by layer: what is behind a voxel is seen by more views once it is gone.
+    Layer by layer: what is behind a voxel is seen by more views once it is gone. Where
+    the first layers show that shades would cut hair, directions alone cut.
 
     Args:
         hull: The hull that the masks allow.
@@ -74,14 +78,32 @@ def carve_by_consistency(
     places = places[:: -(-len(places) // MOST_PLACES)]
     see = partial(find_planes, walls_of(hull), places)
     shades = find_shades(hull, views, list(abreast(see, views, maps, depths)))
-    usual, far = 0.0, hull.head > BARE
+    ask = partial(contradictions, views=views, maps=maps, depths=depths, shades=shades)
+    return carve_layers(hull, ask)
+
+
+def carve_layers(
+    whole: Hull, ask: Callable[[Hull], "Contradictions"], by_shades: bool = True
+) -> Hull:
+    """Return the hull less what contradictions cut.
+
+    Args:
+        whole: The hull that the masks allow.
+        ask: How far views contradict each other, given a hull.
+        by_shades: Whether shades cut as well, unless they turn out to cut hair.
+    """
+    hull, usual, far = whole, 0.0, whole.head > BARE
     for sweep in range(SWEEPS):
         surface = surface_of(hull)
-        found = contradictions(hull, views, maps, depths, shades)
-        usual = usual or usual_shade(found, surface, far)
+        found = ask(hull)
+        usual = usual or usual_shade(found, surface)
         # What was cut by mistake leaves what looks as bad behind it.
-        unlike = found.shaded > (UNLIKE + sweep) * usual
-        cut = surface & ((found.turned > INCONSISTENT) | (unlike & far))
+        unlike = far & (found.shaded > (UNLIKE + sweep) * usual)
+        if not by_shades:
+            unlike[:] = False
+        elif sweep < ASKED and directions_agree(found, surface & far, unlike):
+            return carve_layers(whole, ask, by_shades=False)
+        cut = surface & ((found.turned > INCONSISTENT) | unlike)
         left = hull.hair & ~cut
         # No hull is worse than one that is too wide; what is whole is measured already.
         if not left.any() or not cut.any():
@@ -136,31 +158,38 @@ class Contradictions(NamedTuple):
     shaded: Float[np.ndarray, "x y z"]
 
 
-def usual_shade(
-    found: Contradictions,
-    surface: Bool[np.ndarray, "x y z"],
-    far: Bool[np.ndarray, "x y z"],
-) -> float:
+def usual_shade(found: Contradictions, surface: Bool[np.ndarray, "x y z"]) -> float:
     """Return how unlike shades of the hull's surface usually are, to which all compare.
 
-    Infinite, so that none cut, where they are not to be trusted: nobody compares them,
-    or directions agree much better where they would cut than where they would not.
+    Infinite, so that none cut, where nobody compares them.
 
     Args:
         found: How far views contradict each other.
         surface: Voxels of the surface.
-        far: Voxels so far from the skin that shades may cut there.
     """
     known = surface & (found.shaded > 0.0)
-    if not known.any():
-        return np.inf
-    usual = float(np.median(found.shaded[known]))
-    asked = known & far & (found.turned > 0.0)
-    turned, cut = found.turned[asked], found.shaded[asked] > UNLIKE * usual
-    if not cut.any() or cut.all():
-        return usual
-    agree = np.median(turned[cut]) < DOUBTED * np.median(turned[~cut])
-    return np.inf if agree else usual
+    return float(np.median(found.shaded[known])) if known.any() else np.inf
+
+
+def directions_agree(
+    found: Contradictions,
+    asked: Bool[np.ndarray, "x y z"],
+    unlike: Bool[np.ndarray, "x y z"],
+) -> bool:
+    """Return whether directions agree much better where shades do not: that is hair.
+
+    Not where shades would cut next to nothing, which tells nothing.
+
+    Args:
+        found: How far views contradict each other.
+        asked: Voxels of the surface that shades may cut.
+        unlike: Those that they would, and others.
+    """
+    asked = asked & (found.shaded > 0.0) & (found.turned > 0.0)
+    turned, cut = found.turned[asked], unlike[asked]
+    if cut.sum() <= LEAST_CUT * len(cut) or cut.all():
+        return False
+    return bool(np.median(turned[cut]) < DOUBTED * np.median(turned[~cut]))
 
 
 def contradictions(

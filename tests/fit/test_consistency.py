@@ -2,14 +2,16 @@ import dataclasses
 
 import numpy as np
 import pytest
-from ball_hair import camera_at, hull_where, view_of
+from ball_hair import all_centres, camera_at, hull_where, view_of
 
 from hairfit.capture.orientation import SIGMA_SURE, OrientationMap
 from hairfit.fit.consistency import (
     BESIDE,
     Contradictions,
     carve_by_consistency,
+    carve_layers,
     contradictions,
+    directions_agree,
     ratio_around,
     unsure_of_place,
     usual_shade,
@@ -209,23 +211,46 @@ def test_one_voxel_decides_nothing_however_large_it_is(spacing):
 
 
 @pytest.mark.parametrize(
-    ("turned", "trusted"), [(1.0, True), (0.7, True), (0.3, False)]
+    ("turned", "share", "agree"),
+    [(1.0, 0.3, False), (0.7, 0.3, False), (0.3, 0.3, True), (0.3, 0.03, False)],
 )
-def test_shades_are_trusted_unless_directions_agree_where_they_would_cut(
-    turned, trusted
+def test_directions_agree_where_they_contradict_much_less_in_enough_of_a_layer(
+    turned, share, agree
 ):
     rng = np.random.default_rng(0)
-    shaded = rng.uniform(0.1, 4.0, (20, 20, 20))
-    shaded[:, :, 15:] += 5.0
-    unlike = shaded > 2.0 * np.median(shaded)
-    found = Contradictions(np.where(unlike, turned, 1.0), shaded)
-    everywhere = np.ones(shaded.shape, bool)
-    usual = usual_shade(found, everywhere, everywhere)
-    assert usual == (np.median(shaded) if trusted else np.inf)
+    unlike = rng.random((20, 20, 20)) < share
+    apart = np.where(unlike, turned, 1.0) * rng.uniform(0.9, 1.1, unlike.shape)
+    found = Contradictions(apart, np.where(unlike, 4.0, 1.0))
+    everywhere = np.ones(unlike.shape, bool)
+    assert directions_agree(found, everywhere, unlike) == agree
+    assert not directions_agree(found, ~everywhere, unlike)
+
+
+@pytest.mark.parametrize(("layer", "cut"), [(0, False), (1, False), (2, True)])
+def test_shades_cut_nothing_if_directions_agree_in_one_of_the_first_layers(
+    hull, layer, cut
+):
+    # Shades differ in the upper half, layer after layer; where directions agree there,
+    # that is hair. The lowest voxels contradict themselves by directions.
+    height = all_centres(hull)[..., 1]
+    lowest = hull.hair & (height == height[hull.hair].min())
+    asked = []
+
+    def ask(now):
+        turned = np.where((height > 0.02) & (len(asked) == layer), 0.1, 1.0)
+        asked.append(now)
+        return Contradictions(
+            np.where(lowest, 5.0, turned), np.where(height > 0.02, 40.0, 1.0)
+        )
+
+    gone = hull.hair & ~carve_layers(hull, ask).hair
+    assert gone[lowest].all()
+    assert gone[~lowest].any() == cut
+    # It begins anew with all that the masks allow.
+    assert cut or asked[layer + 1].hair.sum() == hull.hair.sum()
 
 
 def test_shades_that_nobody_compares_cut_nothing():
     nothing = np.zeros((4, 4, 4))
     everywhere = np.ones(nothing.shape, bool)
-    found = Contradictions(nothing, nothing)
-    assert usual_shade(found, everywhere, everywhere) == np.inf
+    assert usual_shade(Contradictions(nothing, nothing), everywhere) == np.inf
