@@ -104,7 +104,7 @@ def measured(folder: pathlib.Path, names: str, quality: Quality) -> Shares:
     )
     hull = bridged(hull if curls.told else allowed, roots, views)
     field = hair_field(hull, views, depths, curls, roots, normals)
-    flow = hair_flow(hull, field, roots)
+    flow = hair_flow(hull, field, roots, curly=curls.radius > 0.0)
     true = sample_strands_evenly(load_strands(folder / "truth.npz"))
     voxel = hull.grid.voxel(true.points)
     inside = hull.grid.inside(voxel)

@@ -78,7 +78,10 @@ class Links(NamedTuple):
 
 
 def hair_flow(
-    hull: Hull, field: Field, scalp_points: Float[np.ndarray, "points 3"]
+    hull: Hull,
+    field: Field,
+    scalp_points: Float[np.ndarray, "points 3"],
+    curly: bool = False,
 ) -> Float[np.ndarray, "x y z 3"]:
     """Return the unit direction of growth in every voxel, also outside the hair.
 
@@ -86,6 +89,7 @@ def hair_flow(
         hull: Where hair can be.
         field: Directions without sign.
         scalp_points: Points all over the scalp where hair grows, in metres.
+        curly: Whether hair curls.
     """
     links = _links(hull, field)
     away = KDTree(scalp_points).query(hull.grid.centres(hull.hair), workers=-1)[0]
@@ -95,7 +99,7 @@ def hair_flow(
     spread = _unit_flow(links, away, short, hull.grid.spacing)
     direction = field.direction[hull.hair]
     along = (spread * direction).sum(axis=1)
-    sense = growth_sense(hull, field, away)
+    sense = growth_sense(hull, field, away, curly)
     turned = along * (along + LINES_COUNT * sense) < 0.0
     flow = spread - np.where(turned, 2.0 * along, 0.0)[:, None] * direction
     out = np.zeros((*hull.grid.shape, 3))

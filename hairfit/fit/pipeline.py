@@ -426,7 +426,7 @@ def _grow(
     if saved is None:
         uv, start, normals = roots
         step = steps_on(preset.spacing, curly=curls.radius > 0.0)
-        flow = hair_flow(hull, field, start)
+        flow = hair_flow(hull, field, start, curly=curls.radius > 0.0)
         space = space_of(hull, field, flow)
         strands = grow(space, start, normals, GROWN_POINTS, step)
         some = along_paths(strands)[:, -1] > SHORTEST

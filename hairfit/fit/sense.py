@@ -12,6 +12,7 @@ millimetres it may lose for nothing, as on its way over a lock.
 Nor need a tip be far from the scalp: short hair lies over the nape, nearer to the skin
 than where it grew over other hair. But a line that leaves the hull straight through its
 border, in the air, ends there; a hair does so at its tip, and at its root in the skin.
+Locks of curls leave it anywhere, as its border is that of their turns.
 Lines go astray, over a parting above all, where the field is hardly sure: so what they
 find counts less the more doubt they passed, they say less where they start in doubt,
 and each place asks the lines around it: of all that they find, how much more is ahead
@@ -53,7 +54,10 @@ DRAWN = 0.5  # of what lines say: that hair beside a tie grows straight to it
 
 
 def growth_sense(
-    hull: Hull, field: Field, away: Float[np.ndarray, " voxels"]
+    hull: Hull,
+    field: Field,
+    away: Float[np.ndarray, " voxels"],
+    curly: bool = False,
 ) -> Float[np.ndarray, " voxels"]:
     """Return how clearly hair grows along the field in each voxel, from -1 to 1.
 
@@ -61,6 +65,7 @@ def growth_sense(
         hull: Where hair can be.
         field: Directions; their signs say nothing.
         away: How far each voxel of hair is from the scalp, in metres.
+        curly: Whether hair curls: no line ends in the air then.
 
     Returns:
         Near 1 where the lines around go away from the scalp ahead and not behind, near
@@ -76,7 +81,7 @@ def growth_sense(
     distance[hull.hair] = away + GATHERED * pull.nearness
     outwards = uphill(hull.distance)
     ahead, behind = (
-        _farther(hull, outwards, field, distance, start, way * heading)
+        _farther(hull, outwards, field, distance, start, way * heading, curly)
         for way in (1.0, -1.0)
     )
     told = (ahead - behind) * field.anisotropy[hull.hair][some]
@@ -121,6 +126,7 @@ def _farther(
     distance: Float[np.ndarray, "x y z"],
     start: Float[np.ndarray, "lines 3"],
     heading: Float[np.ndarray, "lines 3"],
+    curly: bool,
 ) -> Float[np.ndarray, " lines"]:
     """Return how much farther from the scalp lines come on one way along a field.
 
@@ -135,6 +141,7 @@ def _farther(
         distance: From the scalp, in the voxels of hair, in metres.
         start: Where lines start: places in hair.
         heading: The way they set out.
+        curly: Whether no line ends in the air.
     """
     grid = hull.grid
     here = distance[tuple(grid.voxel(start).T)]
@@ -164,7 +171,7 @@ def _farther(
         along = field.direction[at]
         same = np.sign((along * heading).sum(axis=1))[:, None]
         heading = unit(STRAIGHT * heading + same * along)
-    return np.maximum(np.maximum(farther - lost, 0.0), REACHED * tip)
+    return np.maximum(farther - lost, 0.0 if curly else REACHED * tip)
 
 
 def _in_the_air(
