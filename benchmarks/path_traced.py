@@ -155,13 +155,7 @@ def cut(strands: Strands, kept: float) -> Strands:
     if kept == 1.0:
         return strands
     knots = np.asarray(strands.points, np.float64).reshape(strands.count, -1, 3)
-    along = along_paths(knots)
-    at = np.linspace(0.0, kept, KNOTS) * along[:, -1:]
-    parts = [
-        np.stack([np.interp(to, old, path[:, axis]) for axis in range(3)], axis=1)
-        for to, old, path in zip(at, along, knots, strict=True)
-    ]
-    return Strands.from_array(np.stack(parts))
+    return Strands.from_array(resample_paths(knots, KNOTS, kept))
 
 
 def swung(strands: Strands, swing: Swing) -> Strands:

@@ -62,11 +62,17 @@ def along_paths(
 
 
 def resample_paths(
-    paths: Float[np.ndarray, "strands steps 3"], knots: int
+    paths: Float[np.ndarray, "strands steps 3"], knots: int, kept: float = 1.0
 ) -> Float[np.ndarray, "strands knots 3"]:
-    """Return polylines with equal distances; repeated last points do no harm."""
+    """Return polylines with equal distances; repeated last points do no harm.
+
+    Args:
+        paths: The polylines.
+        knots: How many points come back.
+        kept: Share of each one's length that is kept, from its first point on.
+    """
     along = along_paths(paths)
-    at = along[:, -1:] * np.linspace(0.0, 1.0, knots)
+    at = along[:, -1:] * np.linspace(0.0, kept, knots)
     # One search for all strands: each has its own interval of a common line.
     start = np.arange(len(paths))[:, None] * (along[:, -1].max(initial=0.0) + 1.0)
     flat = (along + start).ravel()

@@ -83,26 +83,25 @@ def carve_by_consistency(
 
 
 def carve_layers(
-    whole: Hull, ask: Callable[[Hull], "Contradictions"], by_shades: bool = True
+    whole: Hull, ask: Callable[[Hull], "Contradictions"], usual: float = 0.0
 ) -> Hull:
     """Return the hull less what contradictions cut.
 
     Args:
         whole: The hull that the masks allow.
         ask: How far views contradict each other, given a hull.
-        by_shades: Whether shades cut as well, unless they turn out to cut hair.
+        usual: How unlike shades usually are, 0 for what is found; infinite, so that
+            none cut, as soon as they turn out to cut hair.
     """
-    hull, usual, far = whole, 0.0, whole.head > BARE
+    hull, far = whole, whole.head > BARE
     for sweep in range(SWEEPS):
         surface = surface_of(hull)
         found = ask(hull)
         usual = usual or usual_shade(found, surface)
         # What was cut by mistake leaves what looks as bad behind it.
         unlike = far & (found.shaded > (UNLIKE + sweep) * usual)
-        if not by_shades:
-            unlike[:] = False
-        elif sweep < ASKED and directions_agree(found, surface & far, unlike):
-            return carve_layers(whole, ask, by_shades=False)
+        if sweep < ASKED and directions_agree(found, surface & far, unlike):
+            return carve_layers(whole, ask, np.inf)
         cut = surface & ((found.turned > INCONSISTENT) | unlike)
         left = hull.hair & ~cut
         # No hull is worse than one that is too wide; what is whole is measured already.

@@ -48,6 +48,7 @@ AROUND = 0.03  # metres, the Gaussian over which lines agree
 GRAZING = 0.3  # least cosine to the hull's normal at which a line leaves it
 ALOFT = 0.01  # metres above the skin from which on lines go along the hull
 STEEP = (0.4, 0.9)  # such cosines at which they end: hardly, and surely
+SURE = (0.0, 1.0)
 WITHIN = 0.6  # voxels inside the hull to which a line that grazes it returns
 GATHERED = 0.06  # metres farther from the scalp that a tie counts as
 DRAWN = 0.5  # of what lines say: that hair beside a tie grows straight to it
@@ -183,10 +184,7 @@ def _in_the_air(
         height: How far above the skin they leave it, in metres.
         steep: Cosine between their way and its outward normal.
     """
-    least, sure = STEEP
-    return np.clip(height / ALOFT, 0.0, 1.0) * np.clip(
-        (steep - least) / (sure - least), 0.0, 1.0
-    )
+    return np.interp(height, (0.0, ALOFT), SURE) * np.interp(steep, STEEP, SURE)
 
 
 class Kept(NamedTuple):

@@ -209,7 +209,7 @@ def test_a_line_that_ends_in_the_air_ends_at_a_tip_unless_hair_curls(height, cur
 def test_a_line_that_slides_out_of_the_hull_says_less(degrees, share):
     # A slab that goes on for long, so that lines leave it through its upper side.
     hull = hull_where(
-        lambda p: (np.abs(p[:, :1]) < 0.2).all(1) & (np.abs(p[:, 1:]) < 0.012).all(1),
+        lambda p: (np.abs(p[:, 0]) < 0.2) & (np.abs(p[:, 1:]) < 0.012).all(1),
         [-0.22, -0.02, -0.02],
         [0.22, 0.02, 0.02],
         SPACING,
