@@ -99,6 +99,20 @@ RECIPES = {
     ),
     "cropped-ponytail": Recipe("ponytail", f"{ROUND} --colour blonde", kept=0.4),
     "cropped-straight": Recipe("straight.hair", f"{ROUND} --colour red", kept=0.4),
+    "waved-straight": Recipe(
+        "straight.hair",
+        f"{ROUND} --colour black --light -0.6 1.3 1.3",
+        swing=Swing(0.006, 0.055, flat=True),
+    ),
+    "curled-straight": Recipe(
+        "straight.hair", f"{ROUND} --colour red", swing=Swing(0.008, 0.035)
+    ),
+    "short-curls": Recipe(
+        "straight.hair",
+        f"{ROUND} --colour brown",
+        swing=Swing(0.005, 0.022),
+        kept=0.22,
+    ),
 }
 
 
@@ -123,9 +137,9 @@ def find_groom(
 ) -> tuple[pathlib.Path, pathlib.Path]:
     """Return the files of a groom and of its head, which are made if need be."""
     if recipe.groom.endswith(".hair"):
-        path, head = out / f"straight-{recipe.kept}.npz", out / "head.obj"
+        path, head = out / "straight-changed.npz", out / "head.obj"
         hair = stood_on(load_strands(SHARED / "files" / recipe.groom))
-        save_strands(path, cut(hair, recipe.kept))
+        save_strands(path, changed(hair, recipe))
         mesh = load_mesh(HEAD)
         save_mesh(head, dataclasses.replace(mesh, vertices=CENTIMETRE * mesh.vertices))
         return path, head
@@ -133,11 +147,8 @@ def find_groom(
         folder = SHARED / "captures" / recipe.groom
         if recipe.swing is None and recipe.kept == 1.0:
             return folder / "truth.npz", folder / "head.obj"
-        hair = load_strands(folder / "truth.npz")
-        if recipe.swing is not None:
-            hair = swung(hair, recipe.swing)
         path = out / f"{recipe.groom}-changed.npz"
-        save_strands(path, cut(hair, recipe.kept))
+        save_strands(path, changed(load_strands(folder / "truth.npz"), recipe))
         return path, folder / "head.obj"
     folder = make_apart(recipe.groom, scenes)
     if not recipe.strands:
@@ -150,12 +161,12 @@ def find_groom(
     return path, folder / "head.obj"
 
 
-def cut(strands: Strands, kept: float) -> Strands:
-    """Return hair of which this share of its length is left, from the roots on."""
-    if kept == 1.0:
-        return strands
-    knots = np.asarray(strands.points, np.float64).reshape(strands.count, -1, 3)
-    return Strands.from_array(resample_paths(knots, KNOTS, kept))
+def changed(strands: Strands, recipe: Recipe) -> Strands:
+    """Return hair as a recipe has it: cut, from the roots on, and then swung."""
+    if recipe.kept < 1.0:
+        knots = np.asarray(strands.points, np.float64).reshape(strands.count, -1, 3)
+        strands = Strands.from_array(resample_paths(knots, KNOTS, recipe.kept))
+    return strands if recipe.swing is None else swung(strands, recipe.swing)
 
 
 def swung(strands: Strands, swing: Swing) -> Strands:

@@ -9,7 +9,8 @@ are is told like how large turns are, see `waves`.
 
 Where nothing repeats, hair may still curl, too finely to be seen: maps are hardly sure
 of any direction, nor are those of smoother photographs, which show what noise hides.
-Such hair is taken to curl at no known pitch; its maps then say nothing of its locks.
+Such hair is taken to curl at no known pitch; its maps then say nothing of its locks,
+unless those of smoother photographs are a little sure.
 All other hair is taken as it looks.
 
 By how far hair crosses its locks one knows how steep its turns are, see `slopes`, and
@@ -64,6 +65,10 @@ LEAST_SWING = 0.2
 # 0.22, hair that waves in planes 0.10 at most), and from this slope on, as hair that
 # winds less is near to its locks in any case.
 LEAST_LEAN, LEAST_SLOPE = 0.12, 0.35
+# And whatever curls swings about the mean of the hair around so far: hair that lies
+# alike does not, whatever repeats across it. Drawn ringlets have 0.13 and curls 0.39,
+# path-traced hair that winds 0.11 to 0.21, waves 0.03 to 0.12.
+LEAST_OWN = 0.08
 # Slope from which on hair does not wave. Drawn waves have 0.4 to 0.7; of hair that does
 # not repeat at all, 1.4 and more is found.
 STEEPEST_WAVE = 1.0
@@ -74,6 +79,10 @@ SURE = 0.17
 # hair in it becomes three and more times as sure, afros and ringlets twice at most.
 GRAIN, SURER = 4.0, 2.5
 BLIND = 0.08  # and where they then are no surer than this, nothing was hidden
+# Surer than this when smoothed, maps show which way locks of curls too fine to be seen
+# run. Path-traced turns have 0.13 to 0.24, drawn ringlets and curls 0.1, afros
+# 0.04 to 0.07.
+FAINT = 0.115
 UNSEEN = 0.0035  # radius of curls that are too fine to be seen, in metres
 MOST_VIEWS = 4
 # What the mean direction says of a lock, against the way in which turns repeat: this
@@ -149,11 +158,20 @@ def see_curls(
     if pitch is not None:
         locks = see_locks([view.hair for view in views], maps, pixels, pitch)
         winds = locks.lean > LEAST_LEAN and locks.slope > LEAST_SLOPE
-        if winds or swing(some[1], [locks.maps[k] for k in few]) > LEAST_SWING:
+        hair = [views[k].hair for k in few], some[1], [pixels[k] for k in few]
+        means = [angle_of_line(*np.moveaxis(m, 2, 0)) for m in map(mean_line, *hair)]
+        swings = swing(some[1], [locks.maps[k].angle for k in few]) > LEAST_SWING
+        if (winds or swings) and swing(some[1], means) > LEAST_OWN:
             return Curls(radius_at(locks.slope, pitch), pitch, locks.maps, True)
         wave, height = pitch, wave_height(locks.crossing, pitch)
-    if show_direction(*some):
+    sharp = mean_confidence(*some)
+    if sharp > SURE:
         return Curls(0.0, 0.0, list(maps), True, wave, height)
+    smooth = smooth_confidence(some[0])
+    if smooth > min(SURE, max(BLIND, SURER * sharp)):
+        return Curls(0.0, 0.0, list(maps), True, wave, height)
+    if smooth > FAINT:
+        return Curls(UNSEEN, PITCH * UNSEEN, list(maps), True)
     mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
     return Curls(UNSEEN, PITCH * UNSEEN, mute, False)
 
@@ -198,11 +216,19 @@ def wave_height(crossing: Crossing, wave: float) -> float:
     return radius_at(slope, wave) if slope < STEEPEST_WAVE else 0.0
 
 
-def swing(maps: Sequence[OrientationMap], locks: Sequence[OrientationMap]) -> float:
-    """Return the mean square of the sine of twice the angle between hair and locks."""
+def swing(
+    maps: Sequence[OrientationMap],
+    angles: Sequence[Float[np.ndarray, "_height _width"]],
+) -> float:
+    """Return the mean square of the sine of twice the angle between hair and lines.
+
+    Args:
+        maps: The orientation maps.
+        angles: Of the lines: of locks, or of what hair swings about.
+    """
     square = total = 0.0
-    for found, lock in zip(maps, locks, strict=True):
-        sine = np.sin(2.0 * (found.angle - lock.angle))
+    for found, angle in zip(maps, angles, strict=True):
+        sine = np.sin(2.0 * (found.angle - angle))
         square += float((found.confidence * sine**2).sum())
         total += float(found.confidence.sum())
     return square / max(total, 1e-12)
@@ -214,22 +240,15 @@ def mean_confidence(views: Sequence[View], maps: Sequence[OrientationMap]) -> fl
     return sure / max(sum(int(view.hair.sum()) for view in views), 1)
 
 
-def show_direction(views: Sequence[View], maps: Sequence[OrientationMap]) -> bool:
-    """Return whether photographs show which way hair runs, if not for their noise.
+def smooth_confidence(views: Sequence[View]) -> float:
+    """Return how sure maps of the photographs are without their noise.
 
     Args:
         views: The photographs.
-        maps: Their orientation maps.
     """
-    sharp = mean_confidence(views, maps)
-    if sharp > SURE:
-        return True
     images = [ndimage.gaussian_filter(v.image, (GRAIN, GRAIN, 0)) for v in views]
-    smooth = mean_confidence(
-        views,
-        [estimate_orientation(i, v.hair) for i, v in zip(images, views, strict=True)],
-    )
-    return smooth > min(SURE, max(BLIND, SURER * sharp))
+    maps = [estimate_orientation(i, v.hair) for i, v in zip(images, views, strict=True)]
+    return mean_confidence(views, maps)
 
 
 def lock_directions(

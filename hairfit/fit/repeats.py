@@ -5,6 +5,9 @@ to the right and to the other for those that wind to the left: a mean over few l
 leans to either side. But a lock repeats itself after a turn, and its neighbours, which
 wind for themselves, do not repeat it. So the angles about a place go most with those a
 turn away along the lock.
+
+Where all hair about a place lies nearly alike it runs along its lock, whatever repeats
+across it: waves of locks beside each other do, where many go together.
 """
 
 from collections.abc import Sequence
@@ -33,6 +36,8 @@ NEAR = 0.016  # metres; nearer than this all goes together, and tells no way
 # How far the correlation rises to the peak of a turn, and falls after it.
 PROMINENT = 0.1
 LEAST = 1e-3  # of a mean's weight, below which it says nothing
+# Hair lies alike where the cosine of twice its angle from the mean has this mean.
+ALIKE = 0.95
 
 
 class Swings(NamedTuple):
@@ -41,12 +46,14 @@ class Swings(NamedTuple):
     Attributes:
         line: Cosine and sine of twice their angle, less those of the mean, weighted by
             what the pixel says.
+        mean: Those of the mean, 1 long where all lines about the pixel are alike.
         pixel: Width of a pixel, in metres.
         times: How many pixels of the map that is.
         box: Which part of the map it is: where the hair is.
     """
 
     line: Float32[np.ndarray, "rows columns 2"]
+    mean: Float32[np.ndarray, "rows columns 2"]
     pixel: float
     times: int
     box: tuple[slice, slice]
@@ -69,9 +76,33 @@ def find_swings(
     each = np.stack([says * np.cos(twice), says * np.sin(twice), says], axis=2)
     each = square_means(each, times)
     mean = gaussian_blur(each, MEAN / (times * pixel))
-    share = each[..., 2:] / np.maximum(mean[..., 2:], LEAST)
-    line = each[..., :2] - share * mean[..., :2]
-    return Swings(line, times * pixel, times, box)
+    mean = mean[..., :2] / np.maximum(mean[..., 2:], LEAST)
+    line = each[..., :2] - each[..., 2:] * mean
+    return Swings(line, mean, times * pixel, times, box)
+
+
+def possible(swings: Swings) -> Bool[np.ndarray, "ways rows columns"]:
+    """Return along which of `WAYS` locks may run: not across hair that lies alike.
+
+    Args:
+        swings: How lines swing.
+    """
+    along = np.einsum("wk,rck->wrc", doubled(WAYS), swings.mean)
+    return ~alike(swings) | (along >= 0.0)
+
+
+def alike(swings: Swings) -> Bool[np.ndarray, "rows columns"]:
+    """Return where lines lie alike.
+
+    Args:
+        swings: How they swing.
+    """
+    return np.linalg.norm(swings.mean, axis=2) >= ALIKE
+
+
+def doubled(angle: Float[np.ndarray, " lines"]) -> Float[np.ndarray, "lines 2"]:
+    """Return cosine and sine of twice the angles of lines."""
+    return np.stack([np.cos(2.0 * angle), np.sin(2.0 * angle)], axis=1)
 
 
 def correlation(
@@ -130,16 +161,31 @@ def repeating_lines(
             for way in WAYS
         ]
     )
-    behind = (go - go.max(axis=0)) / np.maximum(power, LEAST)
-    share = np.exp(behind / SHARP)
-    share /= share.sum(axis=0)
-    lines = np.stack([np.cos(2.0 * WAYS), np.sin(2.0 * WAYS)], axis=1)
-    line = np.einsum("wrc,wk->rck", share, lines)
+    go = go / np.maximum(power, LEAST)
+    line = best_line(go)
+    along = best_line(np.where(possible(swings), go, -np.inf))
+    across = alike(swings) & ((line * swings.mean).sum(axis=2) < 0.0)
+    # No surer than it was, as fewer ways look surer.
+    longest = np.linalg.norm(line[across], axis=1, keepdims=True)
+    length = np.linalg.norm(along[across], axis=1, keepdims=True)
+    line[across] = along[across] * np.minimum(longest / length, 1.0)
     line = line.repeat(swings.times, axis=0).repeat(swings.times, axis=1)
     whole = np.zeros((*hair.shape, 2))
     rows, columns = whole[swings.box].shape[:2]
     whole[swings.box] = line[:rows, :columns]
     return whole
+
+
+def best_line(
+    go: Float[np.ndarray, "ways rows columns"],
+) -> Float[np.ndarray, "rows columns 2"]:
+    """Return cosine and sine of twice the angle of the way along which turns repeat.
+
+    Args:
+        go: How swings go together along each of `WAYS`; of one at least it is finite.
+    """
+    share = np.exp((go - go.max(axis=0)) / SHARP)
+    return np.einsum("wrc,wk->rck", share / share.sum(axis=0), doubled(WAYS))
 
 
 def repeats(
@@ -154,7 +200,8 @@ def repeats(
     """
     swings = find_swings(hair, found, pixel)
     go = np.stack([[correlation(swings, way, lag) for lag in LAGS] for way in WAYS])
-    best = go[:, LAGS >= NEAR].max(axis=1).argmax(axis=0)
+    reach = go[:, LAGS >= NEAR].max(axis=1)
+    best = np.where(possible(swings), reach, -np.inf).argmax(axis=0)
     along = np.take_along_axis(go, best[None, None], axis=0)[0]
     return along.sum(axis=(1, 2), dtype=np.float64)
 

@@ -143,6 +143,20 @@ def test_hair_that_winds_curls_however_little_it_swings():
     assert wound.radius > 0.002 and wound.pitch == pytest.approx(0.045, rel=0.05)
 
 
+def test_waves_that_go_on_from_lock_to_lock_are_no_curls_across_them():
+    views, maps = seen(curtain())
+    y, x = np.indices(maps[0].angle.shape) * PIXEL
+    drifts = np.random.default_rng(0).normal(0.0, 7.5 * PIXEL**0.5, 2000).cumsum()
+    # They are alike at 40 degrees from one lock to the next, and hair runs down.
+    way = np.radians(40.0)
+    beside = x * np.cos(way) + y * np.sin(way)
+    along = 0.4 + y * np.cos(way) - x * np.sin(way)
+    turn = 2.0 * np.pi * beside / 0.04 + drifts[np.rint(along / PIXEL).astype(int)]
+    angle = (0.5 * np.pi + 0.2 * np.cos(turn)).astype(np.float32)
+    found = see_curls(HULL, views, [dataclasses.replace(maps[0], angle=angle)])
+    assert found.radius == 0.0 and found.told
+
+
 def test_neither_curls_nor_a_bend_are_waves():
     assert see_curls(HULL, *seen(curtain(0.005, 0.03))).wave == 0.0
     assert see_curls(HULL, *seen(curtain(bend=0.03))).wave == 0.0
@@ -245,13 +259,20 @@ def stripes(noise):
     return clean + noise * np.random.default_rng(0).normal(size=clean.shape)
 
 
-def frizz():
-    """Return short bright arcs that cross each other, at all angles."""
+def frizz(bend=2.5, lean=None):
+    """Return short bright arcs that cross each other, at all angles or about down.
+
+    Args:
+        bend: How far each goes round, in radians.
+        lean: Standard deviation of their angles from down, None for all angles.
+    """
     rng = np.random.default_rng(0)
     grey = np.full((512, 512), 0.2)
     for _ in range(24000):
         at, angle = rng.uniform(0, 512, 2), rng.uniform(0.0, 2.0 * np.pi)
-        turn = angle + np.linspace(0.0, 2.5, 24)
+        if lean is not None:
+            angle = rng.normal(-0.5 * bend, lean)
+        turn = angle + np.linspace(0.0, bend, 24)
         x, y = (at[:, None] + 5.0 * np.array([np.cos(turn), np.sin(turn)])) % 512
         grey[y.astype(int), x.astype(int)] = rng.uniform(0.1, 0.6)
     return grey
@@ -266,6 +287,14 @@ def test_noise_is_told_from_hair_that_shows_no_direction():
     found = see_curls(HULL, views, maps)
     assert found.radius == UNSEEN and not found.told
     assert not any(m.confidence.any() for m in found.maps)
+
+
+def test_locks_that_show_through_frizz_tell_which_way_it_runs():
+    arcs = frizz(2.0, 0.5)
+    assert not see_curls(HULL, *photographed(arcs)).told
+    views, maps = photographed(arcs + 0.12 * np.sin(2.0 * np.pi * np.arange(512) / 40))
+    found = see_curls(HULL, views, maps)
+    assert found.radius == UNSEEN and found.told and found.maps == maps
 
 
 @pytest.mark.slow

@@ -68,6 +68,30 @@ def test_locks_run_the_way_in_which_turns_repeat(way):
     assert np.hypot(line[..., 0], line[..., 1]).max() <= 1.0 + 1e-6
 
 
+def beside(swing):
+    """Return a map of hair that runs down, whose waves go on from lock to lock.
+
+    Along itself it repeats less, as its waves are not all as long.
+    """
+    rng = np.random.default_rng(0)
+    x = np.arange(SIZE) * PIXEL
+    turn = 2.0 * np.pi * x / 0.04 + rng.normal(0.0, 0.35, SIZE).cumsum()[:, None]
+    one = np.ones((SIZE, SIZE))
+    return OrientationMap(0.5 * np.pi + swing * np.cos(turn), one, 0.1 * one)
+
+
+def test_hair_that_lies_alike_has_no_locks_across_it():
+    def line(found):
+        return repeating_lines(whole(), found, PIXEL, 0.04)[20:-20, 20:-20]
+
+    # What swings far may run across what one sees in the mean, as steep curls do.
+    assert np.median(line(beside(1.0))[..., 0]) > 0.5
+    assert line(beside(0.2))[..., 0].max() < 0.0
+    # And that it runs along the hair is no surer for that.
+    sure = np.median(np.linalg.norm(line(beside(1.0)), axis=2))
+    assert np.median(np.linalg.norm(line(beside(0.2)), axis=2)) <= sure
+
+
 def test_what_is_alike_everywhere_or_nowhere_does_not_repeat():
     one = np.ones((SIZE, SIZE))
     even = OrientationMap(0.5 * one, one, 0.1 * one)
@@ -100,7 +124,8 @@ def test_a_wave_goes_with_itself_as_its_cosine():
     y, x = np.mgrid[:300, :300] * PIXEL
     wave = np.cos(2.0 * np.pi * x / 0.03)
     line = np.stack([wave, np.zeros_like(wave)], axis=2).astype(np.float32)
-    swings = Swings(line, PIXEL, 1, (slice(None), slice(None)))
+    nothing = np.zeros_like(line)
+    swings = Swings(line, nothing, PIXEL, 1, (slice(None), slice(None)))
     power = gaussian_blur((line**2).sum(axis=2), AROUND / PIXEL)
     middle = (slice(130, 170), slice(130, 170))
     for steps in (0, 3, 5, 10, 14):
