@@ -113,6 +113,12 @@ RECIPES = {
         swing=Swing(0.005, 0.022),
         kept=0.22,
     ),
+    "short-curled-ruby": Recipe(
+        "ruby",
+        f"{ROUND} --colour black --light -0.6 1.3 1.2",
+        swing=Swing(0.005, 0.025),
+        kept=0.35,
+    ),
 }
 
 

@@ -10,7 +10,8 @@ are is told like how large turns are, see `waves`.
 Where nothing repeats, hair may still curl, too finely to be seen: maps are hardly sure
 of any direction, nor are those of smoother photographs, which show what noise hides.
 Such hair is taken to curl at no known pitch; its maps then say nothing of its locks,
-unless those of smoother photographs are a little sure.
+unless those of smoother photographs are a little sure. So is hair taken that swings
+much about the hair around, in smoothed photographs as well.
 All other hair is taken as it looks.
 
 By how far hair crosses its locks one knows how steep its turns are, see `slopes`, and
@@ -83,6 +84,10 @@ BLIND = 0.08  # and where they then are no surer than this, nothing was hidden
 # run. Path-traced turns have 0.13 to 0.24, drawn ringlets and curls 0.1, afros
 # 0.04 to 0.07.
 FAINT = 0.115
+# And hair that repeats nowhere curls so that swings so far about the mean of the hair
+# around, in smoothed photographs as well. Short path-traced curls have 0.12 to 0.25 in
+# either, smooth hair 0.08 at most, and 0.1 with noise of 6 % of white.
+FRIZZY = 0.105
 UNSEEN = 0.0035  # radius of curls that are too fine to be seen, in metres
 MOST_VIEWS = 4
 # What the mean direction says of a lock, against the way in which turns repeat: this
@@ -148,32 +153,27 @@ def see_curls(
     pixels = pixel_sizes(hull, views)
     few = range(0, len(views), -(-len(views) // MOST_VIEWS))
     some = [views[k] for k in few], [maps[k] for k in few]
+    sizes = [pixels[k] for k in few]
 
-    sums = abreast(
-        repeats, [views[k].hair for k in few], some[1], [pixels[k] for k in few]
-    )
+    sums = abreast(repeats, [view.hair for view in some[0]], some[1], sizes)
     pitch = find_pitch(list(sums))
 
     wave = height = 0.0
     if pitch is not None:
         locks = see_locks([view.hair for view in views], maps, pixels, pitch)
         winds = locks.lean > LEAST_LEAN and locks.slope > LEAST_SLOPE
-        hair = [views[k].hair for k in few], some[1], [pixels[k] for k in few]
-        means = [angle_of_line(*np.moveaxis(m, 2, 0)) for m in map(mean_line, *hair)]
         swings = swing(some[1], [locks.maps[k].angle for k in few]) > LEAST_SWING
-        if (winds or swings) and swing(some[1], means) > LEAST_OWN:
+        if (winds or swings) and own_swing(*some, sizes) > LEAST_OWN:
             return Curls(radius_at(locks.slope, pitch), pitch, locks.maps, True)
         wave, height = pitch, wave_height(locks.crossing, pitch)
-    sharp = mean_confidence(*some)
-    if sharp > SURE:
+    shown = what_shows(*some, sizes, pitch is not None)
+    if shown.told and not shown.frizz:
         return Curls(0.0, 0.0, list(maps), True, wave, height)
-    smooth = smooth_confidence(some[0])
-    if smooth > min(SURE, max(BLIND, SURER * sharp)):
-        return Curls(0.0, 0.0, list(maps), True, wave, height)
-    if smooth > FAINT:
-        return Curls(UNSEEN, PITCH * UNSEEN, list(maps), True)
+    fine = UNSEEN, PITCH * UNSEEN
+    if shown.told:
+        return Curls(*fine, list(maps), True)
     mute = [dataclasses.replace(m, confidence=0.0 * m.confidence) for m in maps]
-    return Curls(UNSEEN, PITCH * UNSEEN, mute, False)
+    return Curls(*fine, mute, False)
 
 
 def see_locks(
@@ -234,21 +234,62 @@ def swing(
     return square / max(total, 1e-12)
 
 
+def own_swing(
+    views: Sequence[View], maps: Sequence[OrientationMap], pixels: Sequence[float]
+) -> float:
+    """Return how far hair swings about the mean of the hair around, see `swing`.
+
+    Args:
+        views: The photographs.
+        maps: Their orientation maps.
+        pixels: Widths of a pixel, in metres.
+    """
+    means = list(abreast(mean_line, [view.hair for view in views], maps, pixels))
+    return swing(maps, [angle_of_line(line[..., 0], line[..., 1]) for line in means])
+
+
 def mean_confidence(views: Sequence[View], maps: Sequence[OrientationMap]) -> float:
     """Return how sure maps are in the mean of the hair's pixels."""
     sure = sum(float(m.confidence.sum()) for m in maps)
     return sure / max(sum(int(view.hair.sum()) for view in views), 1)
 
 
-def smooth_confidence(views: Sequence[View]) -> float:
-    """Return how sure maps of the photographs are without their noise.
+class Shown(NamedTuple):
+    """What photographs show of hair, if not for their noise.
+
+    Attributes:
+        told: Whether they show which way it runs.
+        frizz: Whether it curls too finely to be seen.
+    """
+
+    told: bool
+    frizz: bool
+
+
+def what_shows(
+    views: Sequence[View],
+    maps: Sequence[OrientationMap],
+    pixels: Sequence[float],
+    again: bool,
+) -> Shown:
+    """Return what photographs show of hair that has no curls to be seen.
 
     Args:
         views: The photographs.
+        maps: Their orientation maps.
+        pixels: Widths of a pixel, in metres.
+        again: Whether it repeats, as waves do.
     """
+    sharp = mean_confidence(views, maps)
+    swings = not again and own_swing(views, maps, pixels) > FRIZZY
+    if sharp > SURE and not swings:
+        return Shown(told=True, frizz=False)
     images = [ndimage.gaussian_filter(v.image, (GRAIN, GRAIN, 0)) for v in views]
     maps = [estimate_orientation(i, v.hair) for i, v in zip(images, views, strict=True)]
-    return mean_confidence(views, maps)
+    smooth = mean_confidence(views, maps)
+    if sharp > SURE or smooth > min(SURE, max(BLIND, SURER * sharp)):
+        return Shown(True, swings and own_swing(views, maps, pixels) > FRIZZY)
+    return Shown(smooth > FAINT, frizz=True)
 
 
 def lock_directions(

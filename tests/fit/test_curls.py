@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from ball_hair import camera_at, hull_where, photograph, view_of
+from scipy import ndimage
 
 from hairfit.capture import load_capture
 from hairfit.capture.orientation import OrientationMap, estimate_orientation
@@ -293,6 +294,24 @@ def test_locks_that_show_through_frizz_tell_which_way_it_runs():
     arcs = frizz(2.0, 0.5)
     assert not see_curls(HULL, *photographed(arcs)).told
     views, maps = photographed(arcs + 0.12 * np.sin(2.0 * np.pi * np.arange(512) / 40))
+    found = see_curls(HULL, views, maps)
+    assert found.radius == UNSEEN and found.told and found.maps == maps
+
+
+def unsteady(far):
+    """Return stripes that run down and waver by so many pixels, here and there."""
+    rng = np.random.default_rng(0)
+    off = ndimage.gaussian_filter(rng.normal(size=(512, 512)), (8.0, 24.0))
+    x = np.arange(512) + far * off / off.std()
+    return 0.3 + 0.1 * np.sin(2.0 * np.pi * x / 14)
+
+
+def test_hair_that_swings_and_repeats_nowhere_curls_finely():
+    views, maps = photographed(unsteady(1.0))
+    steady = see_curls(HULL, views, maps)
+    assert steady.radius == 0.0 and steady.told
+    views, maps = photographed(unsteady(6.0))
+    assert mean_confidence(views, maps) > SURE
     found = see_curls(HULL, views, maps)
     assert found.radius == UNSEEN and found.told and found.maps == maps
 
