@@ -168,7 +168,7 @@ def repeating_lines(
     # No surer than it was, as fewer ways look surer.
     longest = np.linalg.norm(line[across], axis=1, keepdims=True)
     length = np.linalg.norm(along[across], axis=1, keepdims=True)
-    line[across] = along[across] * np.minimum(longest / length, 1.0)
+    line[across] = along[across] * np.minimum(longest / np.maximum(length, LEAST), 1.0)
     line = line.repeat(swings.times, axis=0).repeat(swings.times, axis=1)
     whole = np.zeros((*hair.shape, 2))
     rows, columns = whole[swings.box].shape[:2]
