@@ -5,10 +5,14 @@ slabs and spikes behind or beside it. No mask excludes them, but none needs them
 They are taken away from outside, most exposed voxels first, as long as every photograph
 keeps hair behind each of its pixels of hair: towards the least surface that explains
 the silhouettes (Kolev and Cremers 2008, by sweeps in place of a relaxation).
+
+A bun or a tail is such a corner as well, where two or three views are all that see it.
+But there the outlines themselves stick out, in both views at one place: that is hair.
 """
 
 from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -16,7 +20,7 @@ from scipy import ndimage
 
 from ..abreast import abreast
 from ..capture.capture import View
-from ..render.raster import cells, project_points
+from ..render.raster import cells, project_points, unit
 from .hull import Hull, hull_of, rooted_pieces
 
 AROUND = 0.012  # metres: how far a voxel looks for others
@@ -25,6 +29,13 @@ KEPT = 0.024  # metres of hair that every ray through hair keeps
 SWEEPS = 60
 FEWEST_CUT = 3e-4  # of the hull; a sweep that cuts less is the last
 FRONT = 0.002  # metres behind the head's surface up to which a view sees hair
+DISC = 0.065  # metres: the radius of discs that fill an outline but for tails and buns
+ROUGHLY = 0.002  # metres: pixels as wide show what sticks out
+STICKS_OUT = 0.03  # metres that these come farther than the discs, at least
+AT_ALL = 0.002  # metres; nearer is the outline's own roughness
+# Cosine between two rays beyond which they do not cross: those of a tail that is seen
+# from both sides pass all of the hair between.
+ALIGNED = 0.75
 
 
 def carve_corners(
@@ -45,12 +56,14 @@ def carve_corners(
     hair = hull.hair.copy()
     left = np.ones(len(index), bool)
     least = round(KEPT / hull.grid.spacing)
+    free = ~crossed(hull, views, depths)
     for _ in range(SWEEPS):
         solid = hair | head
         around = ndimage.gaussian_filter(
             solid.astype(np.float32), AROUND / hull.grid.spacing, truncate=2.5
         )[tuple(index.T)]
         inner = np.asarray(ndimage.binary_erosion(solid), bool)[tuple(index.T)]
+        around = np.where(free, around, 1.0)
         cut = left & ~inner & (around < EXPOSED)
         needed = partial(_kept, around=around, left=left, least=least)
         for kept in abreast(needed, rays):
@@ -62,6 +75,89 @@ def carve_corners(
     if left.all() or not left.any():
         return hull
     return hull_of(hull.grid, rooted_pieces(hair, hull.head), hull.head)
+
+
+def crossed(
+    hull: Hull,
+    views: Sequence[View],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
+) -> Bool[np.ndarray, " voxels"]:
+    """Return the voxels at which what sticks out of two views' outlines meets.
+
+    Args:
+        hull: The hull that the masks allow.
+        views: The photographs.
+        depths: Depth of the head in each photograph, in metres.
+    """
+    points = hull.grid.centres(hull.hair)
+    out, rays = zip(*abreast(partial(_out, points), views, depths), strict=True)
+    twice = np.flatnonzero(np.sum(out, axis=0) >= 2)
+    sums = np.zeros((len(twice), 3, 3))
+    for seen, ray in zip(out, rays, strict=True):
+        along = ray[twice] * seen[twice, None]
+        sums += along[:, :, None] * along[:, None, :]
+    found = np.zeros(len(points), bool)
+    found[twice] = np.linalg.eigvalsh(sums)[:, 1] > 1.0 - ALIGNED
+    return found
+
+
+class Out(NamedTuple):
+    """Which points a view sees in what sticks out, and unit vectors along its rays."""
+
+    seen: Bool[np.ndarray, " points"]
+    ray: Float[np.ndarray, "points 3"]
+
+
+def _out(
+    points: Float[np.ndarray, "points 3"],
+    view: View,
+    depth: Float[np.ndarray, "height width"],
+) -> Out:
+    """Return the points that a view sees in hair that sticks out of its outline."""
+    pixels = project_points(points, view.camera)
+    y, x, seen = cells(pixels, view.camera.width, view.camera.height)
+    middle = max(float(np.median(pixels.depth)), 0.05)
+    wide = sticking_out(view, depth, middle / view.camera.focal)
+    seen &= wide[y, x] & (pixels.depth < depth[y, x] + FRONT)
+    pose = np.asarray(view.camera.cam_from_world, np.float64)
+    return Out(seen, unit(points + pose[:3, :3].T @ pose[:3, 3]))
+
+
+def sticking_out(
+    view: View, depth: Float[np.ndarray, "height width"], pixel: float
+) -> Bool[np.ndarray, "height width"]:
+    """Return where hair sticks out of the outline of hair and head.
+
+    Discs as wide as half a head fill an outline but for buns, tails and loose locks.
+
+    Args:
+        view: The photograph with its mask.
+        depth: Depth of the head in it in metres, infinite beside the head.
+        pixel: Width of a pixel at the hair, in metres.
+    """
+    import cv2
+
+    step = max(1, int(ROUGHLY / pixel))
+    hair = view.hair[::step, ::step]
+    disc = DISC / (step * pixel)
+    # What a border of the picture cuts off goes on beyond it.
+    margin = int(disc) + 2
+    solid = hair | (np.isfinite(depth) & (depth > 0))[::step, ::step]
+    solid = np.pad(solid, margin, mode="edge")
+    core = np.asarray(cv2.distanceTransform(solid.astype(np.uint8), cv2.DIST_L2, 5))
+    if core.max() <= disc:
+        return np.zeros_like(view.hair)
+    beside = (core <= disc).astype(np.uint8)
+    far = np.asarray(cv2.distanceTransform(beside, cv2.DIST_L2, 5)) - disc
+    far = step * pixel * np.where(solid, far, 0.0)[margin:-margin, margin:-margin]
+    pieces = np.zeros(far.shape, np.int32)
+    ndimage.label(far > AT_ALL, output=pieces)
+    top = np.zeros(pieces.max() + 1)
+    np.maximum.at(top, pieces, far)
+    found = (pieces > 0) & (top > STICKS_OUT)[pieces]
+    height, width = view.hair.shape
+    wide = found.repeat(step, axis=0)[:height].repeat(step, axis=1)[:, :width]
+    return view.hair & wide
 
 
 def _rays(

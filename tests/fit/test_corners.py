@@ -1,8 +1,11 @@
+import dataclasses
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
-from ball_hair import RADIUS, ball, hull_where, ring, sphere_depth, view_of
+from ball_hair import RADIUS, ball, camera_at, hull_where, ring, sphere_depth, view_of
 
-from hairfit.fit.corners import KEPT, carve_corners
+from hairfit.fit.corners import KEPT, carve_corners, crossed, sticking_out
 from hairfit.fit.hull import carve
 from hairfit.render import mesh_depth
 from hairfit.render.raster import project_points
@@ -82,3 +85,71 @@ def test_a_lock_thinner_than_what_rays_keep_stays_whole(depths):
     ]
     free = [np.full_like(depth, np.inf) for depth in depths]
     assert np.array_equal(carve_corners(hull, views, free).hair, hull.hair)
+
+
+BUN, AT = 0.035, np.array([0.0, 0.02, -0.14])
+
+
+def bun_depth(camera):
+    """Return the depth of a ball of hair with a bun at its back."""
+    pose = np.asarray(camera.cam_from_world, float)
+    bun = dataclasses.replace(
+        camera, cam_from_world=jnp.asarray(pose @ shift(AT), jnp.float32)
+    )
+    return np.minimum(sphere_depth(camera, HAIR - 0.02), sphere_depth(bun, BUN))
+
+
+def shift(by):
+    out = np.eye(4)
+    out[:3, 3] = by
+    return out
+
+
+def bunned(*turns):
+    """Return photographs of that hair from so many degrees round the head."""
+    cameras = [
+        camera_at(0.6 * np.array([np.sin(turn), 0.1, np.cos(turn)]))
+        for turn in np.radians(turns)
+    ]
+    views = [view_of(camera, np.isfinite(bun_depth(camera))) for camera in cameras]
+    return views, [mesh_depth(ball(), view.camera) for view in views]
+
+
+def test_a_bun_that_two_outlines_show_is_no_corner():
+    views, depths = bunned(0.0, 135.0, 225.0)
+    hull = carve(views, depths, ball(), 0.004)
+    left = carve_corners(hull, views, depths).hair[hull.hair]
+    centres = hull.grid.centres(hull.hair)
+    bun = np.linalg.norm(centres - AT, axis=1) < BUN - 0.004
+    assert left[bun].mean() > 0.97
+    # Other corners, and what lies between them and the hair, go as before.
+    ball_of_hair = np.linalg.norm(centres, axis=1) < HAIR - 0.008
+    ghost = ~ball_of_hair & (np.linalg.norm(centres - AT, axis=1) > BUN + 0.012)
+    assert left[ghost].mean() < 0.5
+
+
+def test_what_two_views_from_one_side_and_the_other_see_does_not_cross():
+    views, depths = bunned(90.0, 270.0)
+    hull = carve(views, depths, ball(), 0.004)
+    assert not crossed(hull, views, depths).any()
+    both, depths = bunned(135.0, 225.0)
+    hull = carve(both, depths, ball(), 0.004)
+    found = hull.grid.centres(hull.hair)[crossed(hull, both, depths)]
+    assert len(found) > 100
+    assert np.linalg.norm(found - AT, axis=1).max() < 2.0 * BUN
+
+
+def test_what_sticks_out_of_an_outline_is_what_no_disc_fills():
+    (view,), (depth,) = bunned(90.0)
+    pixel = 0.6 / view.camera.focal
+    found = sticking_out(view, np.full_like(depth, np.inf), pixel)
+    y, x = np.nonzero(found)
+    centre = project_points(AT[None], view.camera).pixel[0]
+    assert np.hypot(x - centre[0], y - centre[1]).max() * pixel < 1.1 * BUN
+    assert found.sum() * pixel**2 > 0.5 * np.pi * BUN**2
+    # A lower one does not count.
+    across = np.arange(view.camera.width) - 0.5 * view.camera.width
+    side = np.sign(centre[0] - 0.5 * view.camera.width)
+    cut = dataclasses.replace(view, hair=view.hair & (side * across * pixel < 0.11))
+    assert (view.hair & ~cut.hair).any()
+    assert not sticking_out(cut, np.full_like(depth, np.inf), pixel).any()
