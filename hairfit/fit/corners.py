@@ -6,6 +6,9 @@ They are taken away from outside, most exposed voxels first, as long as every ph
 keeps hair behind each of its pixels of hair: towards the least surface that explains
 the silhouettes (Kolev and Cremers 2008, by sweeps in place of a relaxation).
 
+Then hair of no level is higher above the skin than rays there need it to be: what
+outlines show of a head on one side tells how thick its hair is all around.
+
 A bun or a tail is such a corner as well, where two or three views are all that see it.
 But there the outlines themselves stick out, in both views at one place: that is hair.
 """
@@ -29,6 +32,10 @@ KEPT = 0.024  # metres of hair that every ray through hair keeps
 SWEEPS = 60
 FEWEST_CUT = 3e-4  # of the hull; a sweep that cuts less is the last
 FRONT = 0.002  # metres behind the head's surface up to which a view sees hair
+LEVEL = 0.03  # metres up or down, within which hair is as high
+MOST_RAYS = 0.99  # of a level's rays meet hair up to how high it is
+LEAST_RAYS = 20  # of one view that tell it
+LOWEST = 0.006  # metres of each ray's lowest hair that stay
 DISC = 0.065  # metres: the radius of discs that fill an outline but for tails and buns
 ROUGHLY = 0.002  # metres: pixels as wide show what sticks out
 STICKS_OUT = 0.03  # metres that these come farther than the discs, at least
@@ -72,9 +79,46 @@ def carve_corners(
             break
         left &= ~cut
         hair[tuple(index[cut].T)] = False
+    cut = left & free & _too_high(hull, left, rays)
+    left &= ~cut
+    hair[tuple(index[cut].T)] = False
     if left.all() or not left.any():
         return hull
     return hull_of(hull.grid, rooted_pieces(hair, hull.head), hull.head)
+
+
+def _too_high(
+    hull: Hull,
+    left: Bool[np.ndarray, " voxels"],
+    rays: Sequence[Int[np.ndarray, " voxels"]],
+) -> Bool[np.ndarray, " voxels"]:
+    """Return the voxels higher above the skin than any view needs hair at their level.
+
+    Args:
+        hull: The hull.
+        left: Which of its voxels are left.
+        rays: The bundle of rays in which each view sees each of them.
+    """
+    height, level = hull.head[hull.hair], hull.grid.centres(hull.hair)[:, 1]
+    levels = np.arange(level.min(), level.max() + LEVEL, 0.5 * LEVEL)
+    top = np.zeros(len(levels))
+    high = left.copy()
+    for ray in rays:
+        there = np.flatnonzero(left & (ray >= 0))
+        order = there[np.lexsort((height[there], ray[there]))]
+        seen, first = np.unique(ray[order], return_index=True)
+        lowest = order[first]
+        at = np.searchsorted(seen, ray[there])
+        high[there] &= height[there] > height[lowest][at] + LOWEST
+        for k, here in enumerate(levels):
+            near = np.abs(level[lowest] - here) < LEVEL
+            if near.sum() >= LEAST_RAYS:
+                needed = np.quantile(height[lowest][near], MOST_RAYS)
+                top[k] = max(top[k], float(needed))
+    # Where nobody tells, hair may be as high as it likes.
+    top[top == 0.0] = np.inf
+    lower = np.clip(((level - levels[0]) / (0.5 * LEVEL)).astype(int), 0, len(top) - 2)
+    return high & (height > np.maximum(top[lower], top[lower + 1]))
 
 
 def crossed(

@@ -88,7 +88,7 @@ def gather(
         total += seen * confidence
         looks += seen
     planes = full_matrix(entries)
-    stands, upright = find_stubble(hull, planes, total, looks)
+    stands, upright = find_stubble(hull, planes, total, looks, len(views))
     surface = _surface_normal(hull)
     share = SURFACE_WEIGHT * np.minimum(total, 1.0)
     planes += share[:, None, None] * surface[:, :, None] * surface[:, None, :]

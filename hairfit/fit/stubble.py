@@ -28,6 +28,9 @@ LYING = 1.5  # times as much as the best line on the skin is missed
 ONE_PLANE = 0.05  # share of the planes' second eigenvalue
 FAINT = 0.2  # confidence
 LOOKED_AT = 0.5  # views at least that see such a place, in the mean around it
+# Few photographs look at less: so large a share of them at least, where as much hair as
+# on a shaved head stands, in cubic metres; single places may be mistaken.
+LEAST_SHARE, SHAVED = 1.0 / 16.0, 3e-5
 UPRIGHT = 0.05  # of "hair stands upright", against the views: they may agree on a plane
 
 
@@ -48,6 +51,7 @@ def find_stubble(
     planes: Float[np.ndarray, "voxels 3 3"],
     total: Float[np.ndarray, " voxels"],
     looks: Float[np.ndarray, " voxels"],
+    count: int,
 ) -> Stubble:
     r"""Return where stubble stands, and which way.
 
@@ -56,6 +60,7 @@ def find_stubble(
         planes: $\sum w\,n n^T$ of the views' planes in every voxel of hair.
         total: $\sum w$.
         looks: How many views see each voxel.
+        count: How many views there are.
     """
     spacing, height = hull.grid.spacing, hull.head[hull.hair]
     high = hull.hair & (hull.head > SHORT)
@@ -72,8 +77,8 @@ def find_stubble(
     normal = uphill(hull.head)[hull.hair]
     missed = np.einsum("vi,vij,vj->v", normal, planes, normal)
     stands = short & (around(missed) < STANDING * around(total))
-    looked = around(looks)
-    stands &= looked > LOOKED_AT * around(1.0)
+    looked, places = around(looks), around(1.0)
+    stands &= looked > min(LOOKED_AT, LEAST_SHARE * count) * places
     if not stands.any():
         return Stubble(stands, np.zeros((0, 3)))
     mean = np.zeros((int(stands.sum()), 3, 3))
@@ -89,6 +94,8 @@ def find_stubble(
     size = size[:, 0, 0]
     faint = size < FAINT * looked[stands]
     told |= faint & (np.linalg.eigvalsh(mean)[:, 1] < ONE_PLANE * size)
+    if told.sum() * spacing**3 < SHAVED:
+        told &= (looked > LOOKED_AT * places)[stands]
     stands[stands] = told
     tilted = mean[told] + UPRIGHT * size[told, None, None] * aside[told]
     return Stubble(stands, np.linalg.eigh(tilted)[1][:, :, 0])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from ball_hair import RADIUS, ball, camera_at, hull_where, ring, sphere_depth, view_of
 
-from hairfit.fit.corners import KEPT, carve_corners, crossed, sticking_out
+from hairfit.fit.corners import KEPT, LOWEST, carve_corners, crossed, sticking_out
 from hairfit.fit.hull import carve
 from hairfit.render import mesh_depth
 from hairfit.render.raster import project_points
@@ -153,3 +153,17 @@ def test_what_sticks_out_of_an_outline_is_what_no_disc_fills():
     cut = dataclasses.replace(view, hair=view.hair & (side * across * pixel < 0.11))
     assert (view.hair & ~cut.hair).any()
     assert not sticking_out(cut, np.full_like(depth, np.inf), pixel).any()
+
+
+def test_hair_is_no_higher_all_around_than_outlines_show(views, depths):
+    # Corners of a hull of three views go only as far as they stick out.
+    few = [0, 1, 2]
+    views, depths = [views[k] for k in few], [depths[k] for k in few]
+    hull = carve(views, depths, ball(), SPACING)
+    left = carve_corners(hull, views, depths).hair[hull.hair]
+    away = np.linalg.norm(hull.grid.centres(hull.hair), axis=1)
+    assert (away > HAIR + 0.015).sum() > 1000
+    # Voxels, and the pixels of the masks, are known to a voxel and a pixel.
+    assert away[left].max() < HAIR + 0.008 + LOWEST
+    inside = away < HAIR
+    assert left[inside].mean() > 0.97

@@ -5,7 +5,8 @@ import pytest
 from ball_hair import RADIUS, ball, hull_where, meridian, photograph, ring
 
 from hairfit.fit.evidence import gather
-from hairfit.fit.stubble import find_stubble
+from hairfit.fit.hull import hull_of
+from hairfit.fit.stubble import SHAVED, find_stubble
 
 SPACING = 0.003
 LEAN = np.radians(20.0)
@@ -45,7 +46,7 @@ def planes_of(direction, error, views=3, sure=0.05, seed=0):
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         planes += sure * normal[:, :, None] * normal[:, None, :]
     total = np.full(len(direction), views * sure)
-    return planes, total, np.full(len(direction), float(views))
+    return planes, total, np.full(len(direction), float(views)), views
 
 
 @pytest.fixture(scope="module")
@@ -85,14 +86,32 @@ def test_hair_that_stands_high_is_left_as_it_is_seen():
 
 
 def test_what_no_view_looks_at_is_no_stubble(shaved):
-    planes, total, looks = planes_of(out_of(shaved)[1], 0.1)
+    planes, total, looks, count = planes_of(out_of(shaved)[1], 0.1)
     back = shaved.grid.centres(shaved.hair)[:, 2] < 0.0
     seen = np.where(back, 0.01, 1.0)
     stands = find_stubble(
-        shaved, seen[:, None, None] * planes, seen * total, seen * looks
+        shaved, seen[:, None, None] * planes, seen * total, seen * looks, count
     ).stands
     far = shaved.grid.centres(shaved.hair)[:, 2]
     assert stands[far > 0.03].mean() > 0.95 and not stands[far < -0.03].any()
+
+
+def test_few_photographs_tell_a_shaved_head_though_not_a_small_place(shaved):
+    # Each place is seen by a third of a view, in the mean.
+    def half_seen(hull):
+        planes, total, looks, _ = planes_of(out_of(hull)[1], 0.1, views=1)
+        return find_stubble(hull, planes / 3.0, total / 3.0, looks / 3.0, 3).stands
+
+    assert half_seen(shaved).mean() > 0.95
+    at = shaved.grid.centres(shaved.hair)
+    place = np.zeros_like(shaved.hair)
+    place[shaved.hair] = np.linalg.norm(at - [0.0, RADIUS, 0.0], axis=1) < 0.025
+    assert 0.0 < place.sum() * SPACING**3 < SHAVED
+    assert not half_seen(hull_of(shaved.grid, place, shaved.head)).any()
+    # Of so many photographs more would have seen it.
+    planes, total, looks, _ = planes_of(out_of(shaved)[1], 0.1, views=1)
+    many = find_stubble(shaved, planes / 3.0, total / 3.0, looks / 3.0, 8)
+    assert not many.stands.any()
 
 
 def test_hair_combed_level_lies_on_the_skin_also_before_a_level_ring(shaved):
