@@ -6,11 +6,11 @@ They are taken away from outside, most exposed voxels first, as long as every ph
 keeps hair behind each of its pixels of hair: towards the least surface that explains
 the silhouettes (Kolev and Cremers 2008, by sweeps in place of a relaxation).
 
-Then hair of no level is higher above the skin than rays there need it to be: what
-outlines show of a head on one side tells how thick its hair is all around.
-
 A bun or a tail is such a corner as well, where two or three views are all that see it.
 But there the outlines themselves stick out, in both views at one place: that is hair.
+
+Then hair of no level is higher above the skin than rays there need it to be: what
+outlines show of a head on one side tells how thick its hair is all around.
 """
 
 from collections.abc import Sequence
@@ -23,8 +23,9 @@ from scipy import ndimage
 
 from ..abreast import abreast
 from ..capture.capture import View
-from ..render.raster import cells, project_points, unit
+from ..render.raster import cells, project_points
 from .hull import Hull, hull_of, rooted_pieces
+from .sightings import sight_lines
 
 AROUND = 0.012  # metres: how far a voxel looks for others
 EXPOSED = 0.47  # share of hair and head around a voxel below which it sticks out
@@ -59,11 +60,11 @@ def carve_corners(
     """
     index = np.argwhere(hull.hair)
     head = hull.head < 0
-    rays = list(abreast(partial(_rays, hull), views, depths))
+    rays, out = zip(*abreast(partial(look, hull), views, depths), strict=True)
     hair = hull.hair.copy()
     left = np.ones(len(index), bool)
     least = round(KEPT / hull.grid.spacing)
-    free = ~crossed(hull, views, depths)
+    free = ~crossed(hull, views, out)
     for _ in range(SWEEPS):
         solid = hair | head
         around = ndimage.gaussian_filter(
@@ -122,49 +123,23 @@ def _too_high(
 
 
 def crossed(
-    hull: Hull,
-    views: Sequence[View],
-    depths: Sequence[Float[np.ndarray, "_height _width"]],
+    hull: Hull, views: Sequence[View], out: Sequence[Bool[np.ndarray, " voxels"]]
 ) -> Bool[np.ndarray, " voxels"]:
     """Return the voxels at which what sticks out of two views' outlines meets.
 
     Args:
         hull: The hull that the masks allow.
         views: The photographs.
-        depths: Depth of the head in each photograph, in metres.
+        out: The voxels that each sees in what sticks out, see `look`.
     """
-    points = hull.grid.centres(hull.hair)
-    out, rays = zip(*abreast(partial(_out, points), views, depths), strict=True)
-    twice = np.flatnonzero(np.sum(out, axis=0) >= 2)
-    sums = np.zeros((len(twice), 3, 3))
-    for seen, ray in zip(out, rays, strict=True):
-        along = ray[twice] * seen[twice, None]
+    found = np.sum(out, axis=0) >= 2
+    points = hull.grid.centres(hull.hair)[found]
+    sums = np.zeros((len(points), 3, 3))
+    for view, seen in zip(views, out, strict=True):
+        along = sight_lines(points, view) * seen[found, None]
         sums += along[:, :, None] * along[:, None, :]
-    found = np.zeros(len(points), bool)
-    found[twice] = np.linalg.eigvalsh(sums)[:, 1] > 1.0 - ALIGNED
+    found[found] = np.linalg.eigvalsh(sums)[:, 1] > 1.0 - ALIGNED
     return found
-
-
-class Out(NamedTuple):
-    """Which points a view sees in what sticks out, and unit vectors along its rays."""
-
-    seen: Bool[np.ndarray, " points"]
-    ray: Float[np.ndarray, "points 3"]
-
-
-def _out(
-    points: Float[np.ndarray, "points 3"],
-    view: View,
-    depth: Float[np.ndarray, "height width"],
-) -> Out:
-    """Return the points that a view sees in hair that sticks out of its outline."""
-    pixels = project_points(points, view.camera)
-    y, x, seen = cells(pixels, view.camera.width, view.camera.height)
-    middle = max(float(np.median(pixels.depth)), 0.05)
-    wide = sticking_out(view, depth, middle / view.camera.focal)
-    seen &= wide[y, x] & (pixels.depth < depth[y, x] + FRONT)
-    pose = np.asarray(view.camera.cam_from_world, np.float64)
-    return Out(seen, unit(points + pose[:3, :3].T @ pose[:3, 3]))
 
 
 def sticking_out(
@@ -204,20 +179,34 @@ def sticking_out(
     return view.hair & wide
 
 
-def _rays(
-    hull: Hull, view: View, depth: Float[np.ndarray, "height width"]
-) -> Int[np.ndarray, " voxels"]:
-    """Return the bundle of rays, a voxel wide, in which a view sees each voxel.
+class Look(NamedTuple):
+    """What a view sees of the hull's voxels.
 
-    -1 stands for voxels that it does not see: behind the head or out of the picture.
+    Attributes:
+        ray: The bundle of rays, a voxel wide, in which it sees each of them; -1 for
+            those that it does not see: behind the head or out of the picture.
+        out: Which it sees in hair that sticks out of the outline.
     """
-    points = hull.grid.centres(hull.hair)
-    pixels = project_points(points, view.camera)
+
+    ray: Int[np.ndarray, " voxels"]
+    out: Bool[np.ndarray, " voxels"]
+
+
+def look(hull: Hull, view: View, depth: Float[np.ndarray, "height width"]) -> Look:
+    """Return what a view sees of the hull's voxels.
+
+    Args:
+        hull: The hull that the masks allow.
+        view: The photograph.
+        depth: Depth of the head in it, in metres.
+    """
+    pixels = project_points(hull.grid.centres(hull.hair), view.camera)
     y, x, seen = cells(pixels, view.camera.width, view.camera.height)
     seen &= view.hair[y, x] & (pixels.depth < depth[y, x] + FRONT)
-    middle = max(float(np.median(pixels.depth)), 0.05)
-    wide = max(1, round(hull.grid.spacing * view.camera.focal / middle))
-    return np.where(seen, (y // wide) * view.camera.width + x // wide, -1)
+    pixel = max(float(np.median(pixels.depth)), 0.05) / view.camera.focal
+    wide = max(1, round(hull.grid.spacing / pixel))
+    ray = np.where(seen, (y // wide) * view.camera.width + x // wide, -1)
+    return Look(ray, seen & sticking_out(view, depth, pixel)[y, x])
 
 
 def _kept(

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from ball_hair import RADIUS, ball, camera_at, hull_where, ring, sphere_depth, view_of
 
-from hairfit.fit.corners import KEPT, LOWEST, carve_corners, crossed, sticking_out
+from hairfit.fit.corners import KEPT, LOWEST, carve_corners, crossed, look, sticking_out
 from hairfit.fit.hull import carve
 from hairfit.render import mesh_depth
 from hairfit.render.raster import project_points
@@ -128,13 +128,18 @@ def test_a_bun_that_two_outlines_show_is_no_corner():
     assert left[ghost].mean() < 0.5
 
 
+def crossed_by(hull, views, depths):
+    pairs = zip(views, depths, strict=True)
+    return crossed(hull, views, [look(hull, *pair).out for pair in pairs])
+
+
 def test_what_two_views_from_one_side_and_the_other_see_does_not_cross():
     views, depths = bunned(90.0, 270.0)
     hull = carve(views, depths, ball(), 0.004)
-    assert not crossed(hull, views, depths).any()
+    assert not crossed_by(hull, views, depths).any()
     both, depths = bunned(135.0, 225.0)
     hull = carve(both, depths, ball(), 0.004)
-    found = hull.grid.centres(hull.hair)[crossed(hull, both, depths)]
+    found = hull.grid.centres(hull.hair)[crossed_by(hull, both, depths)]
     assert len(found) > 100
     assert np.linalg.norm(found - AT, axis=1).max() < 2.0 * BUN
 
@@ -157,8 +162,7 @@ def test_what_sticks_out_of_an_outline_is_what_no_disc_fills():
 
 def test_hair_is_no_higher_all_around_than_outlines_show(views, depths):
     # Corners of a hull of three views go only as far as they stick out.
-    few = [0, 1, 2]
-    views, depths = [views[k] for k in few], [depths[k] for k in few]
+    views, depths = views[:3], depths[:3]
     hull = carve(views, depths, ball(), SPACING)
     left = carve_corners(hull, views, depths).hair[hull.hair]
     away = np.linalg.norm(hull.grid.centres(hull.hair), axis=1)

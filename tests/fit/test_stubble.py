@@ -98,20 +98,18 @@ def test_what_no_view_looks_at_is_no_stubble(shaved):
 
 def test_few_photographs_tell_a_shaved_head_though_not_a_small_place(shaved):
     # Each place is seen by a third of a view, in the mean.
-    def half_seen(hull):
+    def hardly_seen(hull, count):
         planes, total, looks, _ = planes_of(out_of(hull)[1], 0.1, views=1)
-        return find_stubble(hull, planes / 3.0, total / 3.0, looks / 3.0, 3).stands
+        return find_stubble(hull, planes / 3.0, total / 3.0, looks / 3.0, count).stands
 
-    assert half_seen(shaved).mean() > 0.95
+    assert hardly_seen(shaved, 3).mean() > 0.95
     at = shaved.grid.centres(shaved.hair)
     place = np.zeros_like(shaved.hair)
     place[shaved.hair] = np.linalg.norm(at - [0.0, RADIUS, 0.0], axis=1) < 0.025
     assert 0.0 < place.sum() * SPACING**3 < SHAVED
-    assert not half_seen(hull_of(shaved.grid, place, shaved.head)).any()
+    assert not hardly_seen(hull_of(shaved.grid, place, shaved.head), 3).any()
     # Of so many photographs more would have seen it.
-    planes, total, looks, _ = planes_of(out_of(shaved)[1], 0.1, views=1)
-    many = find_stubble(shaved, planes / 3.0, total / 3.0, looks / 3.0, 8)
-    assert not many.stands.any()
+    assert not hardly_seen(shaved, 8).any()
 
 
 def test_hair_combed_level_lies_on_the_skin_also_before_a_level_ring(shaved):
