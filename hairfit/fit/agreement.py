@@ -19,7 +19,7 @@ from ..capture.cranium import find_cranium
 from ..render.raster import cells, project_points
 from ..types import Mesh
 from .grid import Grid, in_coarser
-from .hull import REACH, WITNESSES, allowed_voxels
+from .hull import PICTURES, REACH, allowed_voxels, witnessed
 
 SPACING = 0.008  # metres
 COARSE = 0.024  # metres
@@ -103,7 +103,6 @@ class Opinions(NamedTuple):
 
     sights: list[Sight]
     seen: Int[np.ndarray, " voxels"]
-    hair: Int[np.ndarray, " voxels"]
     against: Int[np.ndarray, " voxels"]
 
 
@@ -116,21 +115,23 @@ def ask_all(
     sights = list(abreast(partial(look_at, points), views, depths))
     counts = [
         np.sum([getattr(sight, what) for sight in sights], axis=0)
-        for what in ("seen", "hair", "against")
+        for what in ("seen", "against")
     ]
     return Opinions(sights, *counts)
 
 
-def hull_without(opinions: Opinions, without: Sequence[int]) -> Bool[np.ndarray, " _"]:
+def hull_without(
+    opinions: Opinions, views: Sequence[View], without: Sequence[int]
+) -> Bool[np.ndarray, " voxels"]:
     """Return the voxels that all photographs but some allow, as `carve` has it."""
-    seen, hair, against = opinions.seen, opinions.hair, opinions.against
+    left = [k for k in range(len(views)) if k not in without]
+    seen, against = opinions.seen, opinions.against
     for k in without:
-        sight = opinions.sights[k]
-        seen, hair = seen - sight.seen, hair - sight.hair
-        against = against - sight.against
-    count = len(opinions.sights) - len(without)
-    witnessed = hair >= max(1.0, WITNESSES * count)
-    return (against == 0) & witnessed & (seen >= count / 2)
+        seen = seen - opinions.sights[k].seen
+        against = against - opinions.sights[k].against
+    shown = np.stack([opinions.sights[k].hair for k in left], axis=1)
+    enough = witnessed(shown, [views[k] for k in left])
+    return (against == 0) & enough & (seen >= min(PICTURES, 0.5 * len(left)))
 
 
 def silhouette(
@@ -161,7 +162,7 @@ def disagreement_without(
     share = np.zeros((count, count))
     for one in range(count):
         for other in range(one + 1, count):
-            hull = hull_without(opinions, (one, other))
+            hull = hull_without(opinions, views, (one, other))
             share[one, other] = unexplained(hull, opinions.sights[other], views[other])
             share[other, one] = unexplained(hull, opinions.sights[one], views[one])
     return share.sum(axis=1) / max(count - 1, 1)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
 from ..abreast import abreast
@@ -13,7 +13,7 @@ from ..capture.capture import View
 from ..capture.cranium import find_cranium
 from ..capture.distance import signed_distance
 from ..errors import InputError
-from ..render.raster import cells, project_points
+from ..render.raster import Pixels, cells, project_points
 from ..types import Mesh
 from .grid import Grid, in_coarser
 
@@ -25,6 +25,11 @@ AIRBORNE = 0.03  # share of the hair that may hang in the air until a tie is fou
 LEAST_VOXELS = 50  # smaller pieces are noise of the masks
 MOST_VOXELS = 600_000  # beyond this the grid is made coarser
 WITNESSES = 0.25  # share of the views that must see hair there, not the head before it
+PICTURES = 2  # views that must have a place in the picture; one of two
+WAYS = 2000  # even over all, from which one may look at the head
+# Cosine between two views' axes beyond which they see the same outline, one of them
+# perhaps from behind.
+SAME_OUTLINE = 0.9
 MASK_MARGIN = 1  # pixel: a mask's border is known no better
 GAPS = 0.002  # metres: radius of the widest gaps between hairs where skin shows
 PACE = 0.7  # of a voxel: the steps in which rays are followed
@@ -66,10 +71,12 @@ def carve(
 ) -> Hull:
     """Return the visual hull of the hair outside the head.
 
-    A voxel may hold hair if half of the views have it in the picture, each of them
-    shows hair there or has the head in front of it, and a quarter shows hair. Beyond a
-    border of the picture there is hair only where the hair at the border goes on. Skin
-    that shows between hairs excludes none before it.
+    A voxel may hold hair if each view that has it in the picture shows hair there or
+    has the head in front of it, and a quarter shows hair (see `witnessed`). Beyond a
+    border of the picture there is hair where the hair at the border goes on; if the
+    border cuts hair off elsewhere, also where views that see no same outline show it,
+    more of them than there are such borders. Skin that shows between hairs excludes
+    none before it.
 
     Args:
         views: The photographs with their masks.
@@ -144,30 +151,88 @@ def allowed_voxels(
     """
     index = np.flatnonzero(start.ravel())
     points = grid.centres(start)
-    pictures, witnesses = np.zeros(len(index), int), np.zeros(len(index), int)
     against = np.zeros(len(index), int)
-    for view, depth in zip(views, depths, strict=True):
+    seen, shown, denied = np.zeros((3, len(index), len(views)), bool)
+    for k, (view, depth) in enumerate(zip(views, depths, strict=True)):
         if not len(points):
             break
         pixels = project_points(points, view.camera)
         z = pixels.depth
         grow = MASK_MARGIN + int(np.ceil(margin / max(float(np.median(z)), 0.05)))
         hair = np.asarray(ndimage.maximum_filter(view.hair, size=2 * grow + 1), bool)
-        y, x, seen = cells(pixels, view.camera.width, view.camera.height)
+        y, x, inside = cells(pixels, view.camera.width, view.camera.height)
         hidden = z > depth[y, x]
         # Of a point beyond the picture, its border tells; a picture without hair, none.
-        told = z > 0 if view.hair.any() else seen
-        against += told & ~hair[y, x] & ~hidden
+        told = z > 0 if view.hair.any() else inside
+        none, cut_off = told & ~hair[y, x] & ~hidden, beyond_hair(pixels, hair)
+        seen[:, k], shown[:, k] = inside, inside & hair[y, x] & ~hidden
+        denied[:, k] = none & cut_off
+        against += none & ~cut_off
         keep = against <= spare
-        against = against[keep]
-        pictures = (pictures + seen)[keep]
-        witnesses = (witnesses + (seen & hair[y, x] & ~hidden))[keep]
-        index, points = index[keep], points[keep]
-    count = len(views) - spare
-    index = index[(pictures >= count / 2) & (witnesses >= max(1, WITNESSES * count))]
+        index, points, against = index[keep], points[keep], against[keep]
+        seen, shown, denied = seen[keep], shown[keep], denied[keep]
+    denials = denied.sum(axis=1) - spare
+    allowed = witnessed(shown, views, spare)
+    allowed &= seen.sum(axis=1) >= min(PICTURES, 0.5 * (len(views) - spare))
+    allowed &= (denials <= 0) | (ways_shown(shown, views) > denials)
     out = np.zeros(start.size, dtype=bool)
-    out[index] = True
+    out[index[allowed]] = True
     return out.reshape(grid.shape)
+
+
+def beyond_hair(
+    pixels: Pixels, hair: Bool[np.ndarray, "height width"]
+) -> Bool[np.ndarray, " points"]:
+    """Return which points are beyond a side of the picture that cuts hair off."""
+    height, width = hair.shape
+    x, y = pixels.pixel.T
+    sides = (
+        (x < 0, hair[:, 0]),
+        (x >= width, hair[:, -1]),
+        (y < 0, hair[0]),
+        (y >= height, hair[-1]),
+    )
+    return np.any([outside & edge.any() for outside, edge in sides], axis=0)
+
+
+def witnessed(
+    shown: Bool[np.ndarray, "voxels views"], views: Sequence[View], spare: int = 0
+) -> Bool[np.ndarray, " voxels"]:
+    """Return the voxels that a quarter of the views see, or those of a quarter of ways.
+
+    Each view stands for the ways to look at the head to which it is nearest: where
+    photographs were taken from one side, few see the other, but from far apart.
+
+    Args:
+        shown: Which views see hair there.
+        views: The photographs.
+        spare: So many of them may be wrong.
+    """
+    axis = axes(views)
+    height = np.linspace(-1.0, 1.0, 2 * WAYS + 1)[1::2]
+    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(WAYS)
+    flat = np.sqrt(1.0 - height**2)
+    way = np.stack([flat * np.cos(turn), height, flat * np.sin(turn)])
+    nearest = np.argmax(axis @ way, axis=0)
+    share = np.bincount(nearest, minlength=len(views)) / WAYS
+    count = shown.sum(axis=1)
+    least = max(1, WITNESSES * (len(views) - spare))
+    return (count >= least) | (shown @ share >= WITNESSES)
+
+
+def ways_shown(
+    shown: Bool[np.ndarray, "voxels views"], views: Sequence[View]
+) -> Int[np.ndarray, " voxels"]:
+    """Return how many views see each voxel, as one those that see the same outline."""
+    axis = axes(views)
+    first = np.argmax(np.abs(axis @ axis.T) > SAME_OUTLINE, axis=1)
+    way = first[:, None] == np.unique(first)
+    return np.sum(shown.astype(int) @ way.astype(int) > 0, axis=1)
+
+
+def axes(views: Sequence[View]) -> Float[np.ndarray, "views 3"]:
+    """Return the directions in which views look."""
+    return np.stack([np.asarray(v.camera.cam_from_world[2, :3]) for v in views])
 
 
 def _outside_head(grid: Grid, hair: Bool[np.ndarray, "x y z"], head: Mesh) -> Hull:

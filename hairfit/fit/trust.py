@@ -102,7 +102,7 @@ def opened_mask(
     small, near = zip(*shots, strict=True)
     points = find_candidates(small[:-1], near[:-1], head, 0)
     opinions = ask_all(points, small, near)
-    hull = hull_without(opinions, (len(chosen) - 1,))
+    hull = hull_without(opinions, small, (len(chosen) - 1,))
     drawn = silhouette(hull, opinions.sights[-1], small[-1].hair.shape)
     drawn = ndimage.binary_dilation(drawn)
     view = views[k]

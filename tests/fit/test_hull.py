@@ -157,6 +157,48 @@ def test_beyond_a_picture_hair_goes_on_where_it_reaches_the_border(columns, allo
     assert ends.tolist() == [allowed in (True, "left"), allowed in (True, "right")]
 
 
+@pytest.mark.parametrize(
+    ("eyes", "columns", "allowed"),
+    [
+        ([[0.0, 0.0, 0.6]], (0, 128), False),
+        ([[0.0, 0.0, 0.6], [0.0, 0.0, -0.9]], (0, 128), False),
+        ([[0.0, 0.0, 0.6], [0.0, 0.9, -0.28]], (0, 128), True),
+        ([[0.0, 0.0, 0.6], [0.0, 0.9, -0.28]], (40, 80), False),
+    ],
+    ids=["one view", "one outline", "two outlines", "a border without hair"],
+)
+def test_two_outlines_overrule_a_border_that_cuts_hair_off(eyes, columns, allowed):
+    side = camera_at([0.6, 0.0, 0.0])
+    everywhere = np.ones((side.height, side.width), bool)
+    # Hair goes on beyond the border, but farther up.
+    mask = np.zeros_like(everywhere)
+    mask[:30, slice(*columns)] = True
+    place = np.array([0.0, 0.0, -0.29])
+    column, row = project_points(place[None], side).pixel[0]
+    assert not 0 < column < side.width and 40 < row < 80
+    targets = [[0.0, 0.0, 0.0] if eye[1] == 0.0 else [0.0, 0.0, -0.29] for eye in eyes]
+    others = [camera_at(eye, at) for eye, at in zip(eyes, targets, strict=True)]
+    views = [view_of(side, mask), *(view_of(one, everywhere) for one in others)]
+    grid = Grid.around(place - 0.005, place + 0.005, 0.01)
+    open_sight = [np.full(mask.shape, np.inf)] * len(views)
+    found = allowed_voxels(grid, np.ones(grid.shape, bool), views, open_sight, 0.0)
+    assert found.all() == allowed and found.any() == allowed
+
+
+def test_one_view_is_enough_where_all_others_look_from_the_other_side(head, cameras):
+    half = cameras[:5]
+    hull = carve(shots(half), [mesh_depth(head, c) for c in half], head, SPACING)
+    points = hull.grid.centres(np.ones(hull.grid.shape, bool))
+    away = np.linalg.norm(points, axis=1)
+    hair = (away < HAIR) & (away > RADIUS + 0.001)
+    count = witnesses(1.02 * points, half)
+    for end in (half[0], half[4]):
+        alone = hair & (witnesses(0.98 * points, [end]) == 1) & (count == 1)
+        assert alone.sum() > 10
+        assert hull.hair.ravel()[alone].all()
+    assert not hull.hair.ravel()[hair & (count == 0)].any()
+
+
 def test_two_of_eight_views_must_see_hair_not_the_head_before_it(cameras, head):
     views = shots(cameras)
     hidden = np.zeros_like(views[0].hair, float)
