@@ -81,6 +81,7 @@ from .treeify import (
     on_scalp,
 )
 from .trust import mute_clipped
+from .unfaced import with_unfaced
 from .volume import hair_volume, inner_places
 from .waves import with_lost_waves, with_waves
 
@@ -324,6 +325,7 @@ def _first_tree(
         views, depths = shots.views, shots.depths
         progress("carving the hull", 0.03)
         hull = carve(views, depths, head, preset.spacing)
+        hull = with_unfaced(hull, views, depths, head)
         sights = coarser_sights(shots, hull)
         size = largest([sight.view for sight in sights])
         shapes = Shapes(len(views), size, hull.grid.shape, room, preset.knots)

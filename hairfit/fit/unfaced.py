@@ -1,0 +1,148 @@
+"""Hair that no photograph faces: it goes on as it does on both sides.
+
+Photographs from in front show nothing of the back of the head, where no mask excludes
+hair. It is as high above the skin there as beside it at its level, and where there is
+none on both sides, there is none between.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..capture.capture import View
+from ..capture.cranium import find_cranium
+from ..capture.distance import signed_distance
+from ..render.raster import cells, project_points
+from ..types import Mesh
+from .grid import Grid
+from .hull import Hull, hull_of
+
+WAYS = 72  # around the head
+LEVEL = 0.006  # metres
+FACED = np.radians(75.0)  # to both sides of a camera, up to which it faces the head
+STEEP = np.radians(60.0)  # above the head, from which on a camera faces no side of it
+TOP = 0.9  # quantile of the heights of a place's hair up to which there is hair
+
+
+def with_unfaced(
+    hull: Hull,
+    views: Sequence[View],
+    depths: Sequence[Float[np.ndarray, "_height _width"]],
+    head: Mesh,
+) -> Hull:
+    """Return the hull with hair where no photograph faces the head.
+
+    The same hull where some photograph faces every side.
+
+    Args:
+        hull: The hull that the masks allow.
+        views: The photographs.
+        depths: Depth of the head in each photograph, in metres.
+        head: The head; +y up.
+    """
+    centre = find_cranium(head).centre
+    unfaced = unfaced_ways(views, centre)
+    if not unfaced.any() or unfaced.all():
+        return hull
+    level, way = places_around(hull.grid.centres(hull.hair), centre)
+    lowest = level.min()
+    high = highest(level - lowest, way, hull.head[hull.hair])
+    ways = np.arange(WAYS)
+    for row in high:
+        known = row[~unfaced]
+        row[unfaced] = np.interp(ways[unfaced], ways[~unfaced], known, period=WAYS)
+    hull = _with_room(hull, head, centre, unfaced, float(high.max()))
+    index = np.argwhere(~hull.hair)
+    points = hull.grid.centres(~hull.hair)
+    level, way = places_around(points, centre)
+    inside = unfaced[way] & (level >= lowest) & (level < lowest + len(high))
+    index, points = index[inside], points[inside]
+    tall = high[level[inside] - lowest, way[inside]]
+    free = np.ones(len(points), bool)
+    for view, depth in zip(views, depths, strict=True):
+        pixels = project_points(points, view.camera)
+        y, x, seen = cells(pixels, view.camera.width, view.camera.height)
+        free &= ~seen | view.hair[y, x] | (pixels.depth > depth[y, x])
+    index, tall = index[free], tall[free]
+    skin = signed_distance(head, points[free])
+    hair, from_head = hull.hair.copy(), hull.head.copy()
+    from_head[tuple(index.T)] = skin
+    hair[tuple(index[(skin > 0.0) & (skin < tall)].T)] = True
+    return hull_of(hull.grid, hair, from_head)
+
+
+def unfaced_ways(
+    views: Sequence[View], centre: Float[np.ndarray, " 3"]
+) -> Bool[np.ndarray, " ways"]:
+    """Return the ways from the middle of the head, around it, that no camera faces."""
+    way = (np.arange(WAYS) + 0.5) * (2.0 * np.pi / WAYS)
+    out = np.ones(WAYS, bool)
+    for view in views:
+        x, y, z = np.asarray(view.camera.centre, np.float64) - centre
+        if np.arctan2(y, np.hypot(x, z)) < STEEP:
+            out &= np.cos(way - np.arctan2(x, z)) < np.cos(FACED)
+    return out
+
+
+class Places(NamedTuple):
+    """Where points are around the head: the numbers of their levels and ways."""
+
+    level: Int[np.ndarray, " points"]
+    way: Int[np.ndarray, " points"]
+
+
+def places_around(
+    points: Float[np.ndarray, "points 3"], centre: Float[np.ndarray, " 3"]
+) -> Places:
+    """Return where points are around the middle of the head."""
+    x, y, z = (points - centre).T
+    turn = np.mod(np.arctan2(x, z), 2.0 * np.pi) * (WAYS / (2.0 * np.pi))
+    return Places(np.floor(y / LEVEL).astype(int), turn.astype(int) % WAYS)
+
+
+def highest(
+    level: Int[np.ndarray, " voxels"],
+    way: Int[np.ndarray, " voxels"],
+    height: Float[np.ndarray, " voxels"],
+) -> Float[np.ndarray, "levels ways"]:
+    """Return how high hair is above the skin at each place, 0 where there is none.
+
+    Args:
+        level: Of each voxel of hair, from 0.
+        way: Likewise.
+        height: Above the skin, in metres.
+    """
+    place = level * WAYS + way
+    order = np.lexsort((height, place))
+    found, first, count = np.unique(place[order], return_index=True, return_counts=True)
+    high = np.zeros((level.max() + 1) * WAYS)
+    high[found] = height[order][first + (TOP * (count - 1)).astype(int)]
+    return high.reshape(-1, WAYS)
+
+
+def _with_room(
+    hull: Hull,
+    head: Mesh,
+    centre: Float[np.ndarray, " 3"],
+    unfaced: Bool[np.ndarray, " ways"],
+    high: float,
+) -> Hull:
+    """Return the hull in a grid that goes on so far beyond the unfaced sides' skin."""
+    spacing, shape = hull.grid.spacing, np.array(hull.grid.shape)
+    low, top = hull.grid.origin, hull.grid.origin + spacing * shape
+    skin = np.asarray(head.vertices, np.float64)
+    skin = skin[(skin[:, 1] > low[1]) & (skin[:, 1] < top[1])]
+    skin = skin[unfaced[places_around(skin, centre).way]]
+    if not len(skin):
+        return hull
+    before = np.ceil((low - skin.min(axis=0) + high) / spacing)
+    after = np.ceil((skin.max(axis=0) + high - top) / spacing)
+    # Levels stay those of the hair that is seen.
+    before, after = (np.maximum(n, 0).astype(int) * [1, 0, 1] for n in (before, after))
+    room = tuple(zip(before.tolist(), after.tolist(), strict=True))
+    hair = np.pad(hull.hair, room)
+    # Until it is measured, as `Hull` has it far from hair.
+    from_head = np.pad(hull.head, room, constant_values=0.02)
+    return hull_of(Grid(low - spacing * before, spacing, hair.shape), hair, from_head)
