@@ -154,6 +154,10 @@ def test_a_fit_says_what_it_will_take_and_keeps_its_limit(
     said = capsys.readouterr().err
     assert "hairfit: 3 photographs at quality high: about " in said
     assert " GB on two cores." in said and "longer than" not in said
+    assert "no photograph faces" not in said
+    assert run(*words, "--views", f"{NAMES[0]},{NAMES[1]}") == 0
+    said = capsys.readouterr().err
+    assert "hairfit: no photograph faces the " in said and "both sides" in said
     assert run(*words, "--time-limit", 5) == 0
     said = capsys.readouterr().err
     assert "high would take about " in said and "at quality draft: about " in said

@@ -86,6 +86,20 @@ def unfaced_ways(
     return out
 
 
+def unfaced_side(views: Sequence[View], head: Mesh) -> str | None:
+    """Return in words on which side of the head no photograph faces it, if on any."""
+    unfaced = unfaced_ways(views, find_cranium(head).centre)
+    if not unfaced.any():
+        return None
+    way = (np.arange(WAYS) + 0.5) * (2.0 * np.pi / WAYS)
+    left, front = np.sin(way[unfaced]).sum(), np.cos(way[unfaced]).sum()
+    if abs(left) > abs(front):
+        side = "left" if left > 0.0 else "right"
+    else:
+        side = "front" if front > 0.0 else "back"
+    return f"the {side} of the head, over {unfaced.mean() * 360.0:.0f} degrees"
+
+
 class Places(NamedTuple):
     """Where points are around the head: the numbers of their levels and ways."""
 

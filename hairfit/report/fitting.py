@@ -13,6 +13,7 @@ from ..fit import FitConfig, FitResult, fit_capture
 from ..fit.appearance import Appearance
 from ..fit.cost import affordable, expected_cost, free_gigabytes
 from ..fit.suspects import Doubt
+from ..fit.unfaced import unfaced_side
 from ..host import one_blas_thread
 from ..io.strands import save_strands
 from ..io.tree import save_tree
@@ -66,7 +67,7 @@ def fit_to_folder(
 
 
 def before_fit(capture: Capture, config: FitConfig) -> list[str]:
-    """Return what to say of time and memory before a fit starts."""
+    """Return what to say before a fit starts: of time, memory and what nobody sees."""
     limit = config.time_limit
     quality = affordable(capture.views, config.quality, limit)
     cost = expected_cost(capture.views, quality)
@@ -81,6 +82,13 @@ def before_fit(capture: Capture, config: FitConfig) -> list[str]:
         said.append(
             "that is longer than --time-limit: what can be left out of the refinement "
             "is; fewer photographs, or smaller ones, are faster."
+        )
+    head = capture.head
+    unfaced = None if head is None else unfaced_side(capture.views, head)
+    if unfaced is not None:
+        said.append(
+            f"no photograph faces {unfaced}: hair there will go on as it is on both "
+            "sides; photographs from there would show it."
         )
     free = free_gigabytes()
     if free is not None and free < cost.gigabytes:

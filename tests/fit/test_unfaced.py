@@ -11,6 +11,7 @@ from hairfit.fit.unfaced import (
     WAYS,
     highest,
     places_around,
+    unfaced_side,
     unfaced_ways,
     with_unfaced,
 )
@@ -65,6 +66,27 @@ def test_a_camera_faces_the_ways_that_it_sees_well():
 def test_no_way_is_unfaced_by_photographs_all_around(count):
     views = [view_of(camera, np.zeros((1, 1), bool)) for camera in ring(count)]
     assert not unfaced_ways(views, CENTRE).any()
+    assert unfaced_side(views, ball()) is None
+
+
+@pytest.mark.parametrize(
+    ("eyes", "side"),
+    [
+        ([[0.0, 0.1, 0.6]], "back of the head, over 210 degrees"),
+        (
+            [[0.0, 0.1, 0.6], [0.6, 0.1, 0.0], [0.0, 0.1, -0.6]],
+            "right of the head, over 30",
+        ),
+        (
+            [[0.0, 0.1, 0.6], [-0.6, 0.1, 0.0], [0.0, 0.1, -0.6]],
+            "left of the head, over 30",
+        ),
+        ([[0.0, 0.1, -0.6]], "front of the head"),
+    ],
+)
+def test_the_side_that_no_photograph_faces_is_told(head, eyes, side):
+    views = [view_of(camera_at(eye), np.zeros((1, 1), bool)) for eye in eyes]
+    assert (unfaced_side(views, head) or "").startswith("the " + side)
 
 
 def test_what_photographs_all_around_show_stays_as_it_is(head):
