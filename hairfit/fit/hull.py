@@ -164,7 +164,7 @@ def allowed_voxels(
         hidden = z > depth[y, x]
         # Of a point beyond the picture, its border tells; a picture without hair, none.
         told = z > 0 if view.hair.any() else inside
-        none, cut_off = told & ~hair[y, x] & ~hidden, beyond_hair(pixels, hair)
+        none, cut_off = told & ~hair[y, x] & ~hidden, beyond_hair(pixels, view.hair)
         seen[:, k], shown[:, k] = inside, inside & hair[y, x] & ~hidden
         denied[:, k] = none & cut_off
         against += none & ~cut_off
