@@ -1,5 +1,6 @@
 """Where the cranium of a head is, and what a ray from its centre meets."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -94,6 +95,20 @@ def find_cranium(head: Mesh) -> Cranium:
         ]
     )
     return Cranium(centre, axes, size)
+
+
+@functools.cache
+def even_directions(count: int, lowest: float) -> Float[np.ndarray, "directions 3"]:
+    """Return unit directions spread evenly, by the golden angle, down to a height.
+
+    Args:
+        count: How many.
+        lowest: Height up to which they go down: 0 for half of a sphere, -1 for all.
+    """
+    up = lowest + (1.0 - lowest) * (np.arange(count) + 0.5) / count
+    turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
+    out = np.sqrt(1.0 - up**2)
+    return np.stack([out * np.cos(turn), up, out * np.sin(turn)], axis=1)
 
 
 def skin_distance(

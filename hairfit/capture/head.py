@@ -12,7 +12,7 @@ from ..model.scalp import Scalp
 from ..render.raster import project_points
 from ..types import Mesh
 from .cameras import CameraEntry, common_point
-from .cranium import find_cranium
+from .cranium import even_directions, find_cranium
 
 # Share of the rays out of the cranium that may escape: an artist's seam, no hole.
 MOST_ESCAPING = 0.01
@@ -70,11 +70,7 @@ def check_cranium(mesh: Mesh, path: Path) -> None:
     """Refuse a head with a hole above the ears; an open neck does no harm."""
     import trimesh
 
-    # Even directions of the upper half sphere, by the golden angle.
-    up = (np.arange(2000) + 0.5) / 2000
-    turn = np.arange(2000) * np.pi * (3 - np.sqrt(5))
-    out = np.sqrt(1 - up**2)
-    rays = np.stack([out * np.cos(turn), up, out * np.sin(turn)], axis=1)
+    rays = even_directions(2000, 0.0)
     body = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     start = np.broadcast_to(find_cranium(mesh).centre, rays.shape)
     escaping = 1.0 - float(np.mean(body.ray.intersects_any(start, rays)))

@@ -19,7 +19,7 @@ from ..capture.cranium import find_cranium
 from ..render.raster import cells, project_points
 from ..types import Mesh
 from .grid import Grid, in_coarser
-from .hull import PICTURES, REACH, allowed_voxels, witnessed
+from .hull import REACH, allowed_voxels, witnessed
 
 SPACING = 0.008  # metres
 COARSE = 0.024  # metres
@@ -98,40 +98,24 @@ def look_at(
     return Sight(row * camera.width + column, seen, free & hair, free & ~hair, reach)
 
 
-class Opinions(NamedTuple):
-    """What all photographs say of every voxel: each, and how many of them."""
-
-    sights: list[Sight]
-    seen: Int[np.ndarray, " voxels"]
-    against: Int[np.ndarray, " voxels"]
-
-
 def ask_all(
     points: Float[np.ndarray, "voxels 3"],
     views: Sequence[View],
     depths: Sequence[Float[np.ndarray, "_height _width"]],
-) -> Opinions:
-    """Return what all photographs say of voxels."""
-    sights = list(abreast(partial(look_at, points), views, depths))
-    counts = [
-        np.sum([getattr(sight, what) for sight in sights], axis=0)
-        for what in ("seen", "against")
-    ]
-    return Opinions(sights, *counts)
+) -> list[Sight]:
+    """Return what each photograph says of voxels."""
+    return list(abreast(partial(look_at, points), views, depths))
 
 
 def hull_without(
-    opinions: Opinions, views: Sequence[View], without: Sequence[int]
+    sights: Sequence[Sight], views: Sequence[View], without: Sequence[int]
 ) -> Bool[np.ndarray, " voxels"]:
     """Return the voxels that all photographs but some allow, as `carve` has it."""
     left = [k for k in range(len(views)) if k not in without]
-    seen, against = opinions.seen, opinions.against
-    for k in without:
-        seen = seen - opinions.sights[k].seen
-        against = against - opinions.sights[k].against
-    shown = np.stack([opinions.sights[k].hair for k in left], axis=1)
-    enough = witnessed(shown, [views[k] for k in left])
-    return (against == 0) & enough & (seen >= min(PICTURES, 0.5 * len(left)))
+    pictures = np.sum([sights[k].seen for k in left], axis=0)
+    against = np.any([sights[k].against for k in left], axis=0)
+    shown = np.stack([sights[k].hair for k in left], axis=1)
+    return ~against & witnessed(pictures, shown, [views[k] for k in left])
 
 
 def silhouette(
@@ -151,7 +135,7 @@ def unexplained(hull: Bool[np.ndarray, " voxels"], sight: Sight, view: View) -> 
 
 
 def disagreement_without(
-    opinions: Opinions, views: Sequence[View]
+    sights: Sequence[Sight], views: Sequence[View]
 ) -> Float[np.ndarray, " views"]:
     """Return how far the masks disagree when one photograph is left out.
 
@@ -162,7 +146,7 @@ def disagreement_without(
     share = np.zeros((count, count))
     for one in range(count):
         for other in range(one + 1, count):
-            hull = hull_without(opinions, views, (one, other))
-            share[one, other] = unexplained(hull, opinions.sights[other], views[other])
-            share[other, one] = unexplained(hull, opinions.sights[one], views[one])
+            hull = hull_without(sights, views, (one, other))
+            share[one, other] = unexplained(hull, sights[other], views[other])
+            share[other, one] = unexplained(hull, sights[one], views[one])
     return share.sum(axis=1) / max(count - 1, 1)

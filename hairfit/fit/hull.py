@@ -10,8 +10,9 @@ from scipy import ndimage
 
 from ..abreast import abreast
 from ..capture.capture import View
-from ..capture.cranium import find_cranium
+from ..capture.cranium import even_directions, find_cranium
 from ..capture.distance import signed_distance
+from ..capture.select import directions
 from ..errors import InputError
 from ..render.raster import Pixels, cells, project_points
 from ..types import Mesh
@@ -151,8 +152,8 @@ def allowed_voxels(
     """
     index = np.flatnonzero(start.ravel())
     points = grid.centres(start)
-    against = np.zeros(len(index), int)
-    seen, shown, denied = np.zeros((3, len(index), len(views)), bool)
+    against, denials, pictures = np.zeros((3, len(index)), int)
+    shown = np.zeros((len(index), len(views)), bool)
     for k, (view, depth) in enumerate(zip(views, depths, strict=True)):
         if not len(points):
             break
@@ -165,15 +166,15 @@ def allowed_voxels(
         # Of a point beyond the picture, its border tells; a picture without hair, none.
         told = z > 0 if view.hair.any() else inside
         none, cut_off = told & ~hair[y, x] & ~hidden, beyond_hair(pixels, view.hair)
-        seen[:, k], shown[:, k] = inside, inside & hair[y, x] & ~hidden
-        denied[:, k] = none & cut_off
+        shown[:, k] = inside & hair[y, x] & ~hidden
         against += none & ~cut_off
+        denials += none & cut_off
+        pictures += inside
         keep = against <= spare
-        index, points, against = index[keep], points[keep], against[keep]
-        seen, shown, denied = seen[keep], shown[keep], denied[keep]
-    denials = denied.sum(axis=1) - spare
-    allowed = witnessed(shown, views, spare)
-    allowed &= seen.sum(axis=1) >= min(PICTURES, 0.5 * (len(views) - spare))
+        index, points, shown = index[keep], points[keep], shown[keep]
+        against, denials, pictures = against[keep], denials[keep], pictures[keep]
+    denials -= spare
+    allowed = witnessed(pictures, shown, views, spare)
     allowed &= (denials <= 0) | (ways_shown(shown, views) > denials)
     out = np.zeros(start.size, dtype=bool)
     out[index[allowed]] = True
@@ -196,7 +197,10 @@ def beyond_hair(
 
 
 def witnessed(
-    shown: Bool[np.ndarray, "voxels views"], views: Sequence[View], spare: int = 0
+    pictures: Int[np.ndarray, " voxels"],
+    shown: Bool[np.ndarray, "voxels views"],
+    views: Sequence[View],
+    spare: int = 0,
 ) -> Bool[np.ndarray, " voxels"]:
     """Return the voxels that a quarter of the views see, or those of a quarter of ways.
 
@@ -204,35 +208,27 @@ def witnessed(
     photographs were taken from one side, few see the other, but from far apart.
 
     Args:
+        pictures: How many views have each voxel in the picture; `PICTURES` must.
         shown: Which views see hair there.
         views: The photographs.
         spare: So many of them may be wrong.
     """
-    axis = axes(views)
-    height = np.linspace(-1.0, 1.0, 2 * WAYS + 1)[1::2]
-    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(WAYS)
-    flat = np.sqrt(1.0 - height**2)
-    way = np.stack([flat * np.cos(turn), height, flat * np.sin(turn)])
-    nearest = np.argmax(axis @ way, axis=0)
+    nearest = np.argmin(even_directions(WAYS, -1.0) @ directions(views).T, axis=1)
     share = np.bincount(nearest, minlength=len(views)) / WAYS
-    count = shown.sum(axis=1)
-    least = max(1, WITNESSES * (len(views) - spare))
-    return (count >= least) | (shown @ share >= WITNESSES)
+    count = len(views) - spare
+    enough = shown.sum(axis=1) >= max(1, WITNESSES * count)
+    enough |= shown @ share >= WITNESSES
+    return enough & (pictures >= min(PICTURES, 0.5 * count))
 
 
 def ways_shown(
     shown: Bool[np.ndarray, "voxels views"], views: Sequence[View]
 ) -> Int[np.ndarray, " voxels"]:
     """Return how many views see each voxel, as one those that see the same outline."""
-    axis = axes(views)
+    axis = directions(views)
     first = np.argmax(np.abs(axis @ axis.T) > SAME_OUTLINE, axis=1)
     way = first[:, None] == np.unique(first)
     return np.sum(shown.astype(int) @ way.astype(int) > 0, axis=1)
-
-
-def axes(views: Sequence[View]) -> Float[np.ndarray, "views 3"]:
-    """Return the directions in which views look."""
-    return np.stack([np.asarray(v.camera.cam_from_world[2, :3]) for v in views])
 
 
 def _outside_head(grid: Grid, hair: Bool[np.ndarray, "x y z"], head: Mesh) -> Hull:

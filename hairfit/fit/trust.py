@@ -101,9 +101,9 @@ def opened_mask(
     shots = [shrink(views[j], depths[j]) for j in chosen]
     small, near = zip(*shots, strict=True)
     points = find_candidates(small[:-1], near[:-1], head, 0)
-    opinions = ask_all(points, small, near)
-    hull = hull_without(opinions, small, (len(chosen) - 1,))
-    drawn = silhouette(hull, opinions.sights[-1], small[-1].hair.shape)
+    sights = ask_all(points, small, near)
+    hull = hull_without(sights, small, (len(chosen) - 1,))
+    drawn = silhouette(hull, sights[-1], small[-1].hair.shape)
     drawn = ndimage.binary_dilation(drawn)
     view = views[k]
     size = (view.camera.width, view.camera.height)

@@ -20,6 +20,8 @@ from .grid import Grid
 from .hull import Hull, hull_of
 
 WAYS = 72  # around the head
+# To the middles of these, in radians from the face to the left.
+TURNS = (np.arange(WAYS) + 0.5) * (2.0 * np.pi / WAYS)
 LEVEL = 0.006  # metres
 FACED = np.radians(75.0)  # to both sides of a camera, up to which it faces the head
 STEEP = np.radians(60.0)  # above the head, from which on a camera faces no side of it
@@ -49,13 +51,17 @@ def with_unfaced(
     level, way = places_around(hull.grid.centres(hull.hair), centre)
     lowest = level.min()
     high = highest(level - lowest, way, hull.head[hull.hair])
-    ways = np.arange(WAYS)
+    at, beside = np.flatnonzero(unfaced), np.flatnonzero(~unfaced)
     for row in high:
-        known = row[~unfaced]
-        row[unfaced] = np.interp(ways[unfaced], ways[~unfaced], known, period=WAYS)
-    hull = _with_room(hull, head, centre, unfaced, float(high.max()))
-    index = np.argwhere(~hull.hair)
-    points = hull.grid.centres(~hull.hair)
+        row[at] = np.interp(at, beside, row[beside], period=WAYS)
+    room = _room_for(hull.grid, head, centre, unfaced, float(high.max()))
+    hair = np.pad(hull.hair, room)
+    # Until it is measured, as `Hull` has it far from hair.
+    from_head = np.pad(hull.head, room, constant_values=0.02)
+    spacing, before = hull.grid.spacing, np.array(room)[:, 0]
+    grid = Grid(hull.grid.origin - spacing * before, spacing, hair.shape)
+    index = np.argwhere(~hair)
+    points = grid.centres(~hair)
     level, way = places_around(points, centre)
     inside = unfaced[way] & (level >= lowest) & (level < lowest + len(high))
     index, points = index[inside], points[inside]
@@ -67,22 +73,20 @@ def with_unfaced(
         free &= ~seen | view.hair[y, x] | (pixels.depth > depth[y, x])
     index, tall = index[free], tall[free]
     skin = signed_distance(head, points[free])
-    hair, from_head = hull.hair.copy(), hull.head.copy()
     from_head[tuple(index.T)] = skin
     hair[tuple(index[(skin > 0.0) & (skin < tall)].T)] = True
-    return hull_of(hull.grid, hair, from_head)
+    return hull_of(grid, hair, from_head)
 
 
 def unfaced_ways(
     views: Sequence[View], centre: Float[np.ndarray, " 3"]
 ) -> Bool[np.ndarray, " ways"]:
     """Return the ways from the middle of the head, around it, that no camera faces."""
-    way = (np.arange(WAYS) + 0.5) * (2.0 * np.pi / WAYS)
     out = np.ones(WAYS, bool)
     for view in views:
         x, y, z = np.asarray(view.camera.centre, np.float64) - centre
         if np.arctan2(y, np.hypot(x, z)) < STEEP:
-            out &= np.cos(way - np.arctan2(x, z)) < np.cos(FACED)
+            out &= np.cos(TURNS - np.arctan2(x, z)) < np.cos(FACED)
     return out
 
 
@@ -91,8 +95,7 @@ def unfaced_side(views: Sequence[View], head: Mesh) -> str | None:
     unfaced = unfaced_ways(views, find_cranium(head).centre)
     if not unfaced.any():
         return None
-    way = (np.arange(WAYS) + 0.5) * (2.0 * np.pi / WAYS)
-    left, front = np.sin(way[unfaced]).sum(), np.cos(way[unfaced]).sum()
+    left, front = np.sin(TURNS[unfaced]).sum(), np.cos(TURNS[unfaced]).sum()
     if abs(left) > abs(front):
         side = "left" if left > 0.0 else "right"
     else:
@@ -136,27 +139,25 @@ def highest(
     return high.reshape(-1, WAYS)
 
 
-def _with_room(
-    hull: Hull,
+def _room_for(
+    grid: Grid,
     head: Mesh,
     centre: Float[np.ndarray, " 3"],
     unfaced: Bool[np.ndarray, " ways"],
     high: float,
-) -> Hull:
-    """Return the hull in a grid that goes on so far beyond the unfaced sides' skin."""
-    spacing, shape = hull.grid.spacing, np.array(hull.grid.shape)
-    low, top = hull.grid.origin, hull.grid.origin + spacing * shape
+) -> list[tuple[int, int]]:
+    """Return how many voxels a grid lacks before and after it along each axis.
+
+    So that it goes on so high beyond the unfaced sides' skin, in metres. Levels stay
+    those of the hair that is seen.
+    """
+    low, top = grid.origin, grid.origin + grid.spacing * np.array(grid.shape)
     skin = np.asarray(head.vertices, np.float64)
     skin = skin[(skin[:, 1] > low[1]) & (skin[:, 1] < top[1])]
     skin = skin[unfaced[places_around(skin, centre).way]]
     if not len(skin):
-        return hull
-    before = np.ceil((low - skin.min(axis=0) + high) / spacing)
-    after = np.ceil((skin.max(axis=0) + high - top) / spacing)
-    # Levels stay those of the hair that is seen.
-    before, after = (np.maximum(n, 0).astype(int) * [1, 0, 1] for n in (before, after))
-    room = tuple(zip(before.tolist(), after.tolist(), strict=True))
-    hair = np.pad(hull.hair, room)
-    # Until it is measured, as `Hull` has it far from hair.
-    from_head = np.pad(hull.head, room, constant_values=0.02)
-    return hull_of(Grid(low - spacing * before, spacing, hair.shape), hair, from_head)
+        return [(0, 0)] * 3
+    beyond = low - skin.min(axis=0) + high, skin.max(axis=0) + high - top
+    lacks = np.maximum(np.ceil(np.stack(beyond, axis=1) / grid.spacing), 0).astype(int)
+    lacks[1] = 0
+    return [(before, after) for before, after in lacks.tolist()]

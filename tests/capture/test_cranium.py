@@ -8,6 +8,7 @@ from hairfit.capture.cranium import (
     CENTRE_BELOW_TOP,
     WIDTH,
     Cranium,
+    even_directions,
     find_cranium,
     skin_distance,
 )
@@ -116,3 +117,15 @@ def test_rays_that_meet_nothing_near_get_the_median_of_the_others():
     rays = some_rays()
     found = skin_distance(both, cranium, rays)
     assert np.allclose(found, 0.09, atol=3e-4)
+
+
+@pytest.mark.parametrize("lowest", [0.0, -1.0])
+def test_even_directions_are_as_dense_everywhere(lowest):
+    ways = even_directions(2000, lowest)
+    assert np.allclose(np.linalg.norm(ways, axis=1), 1.0, atol=1e-12)
+    assert ways[:, 1].min() > lowest
+    # Caps of a tenth of what they fill hold a tenth of them.
+    area = 0.1 * (1.0 - lowest)
+    for axis in ([0.0, 1.0, 0.0], [0.36, 0.8, 0.48], [-0.48, 0.8, 0.36]):
+        share = np.mean(ways @ np.array(axis) > 1.0 - area)
+        assert share == pytest.approx(0.1, abs=0.01)

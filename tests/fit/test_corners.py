@@ -10,13 +10,9 @@ from hairfit.fit.hull import carve
 from hairfit.render import mesh_depth
 from hairfit.render.raster import project_points
 
+pytestmark = pytest.mark.usefixtures("small_room")
+
 HAIR, SPACING = 0.11, 0.005
-
-
-@pytest.fixture(autouse=True)
-def small_room(monkeypatch):
-    """Search no farther than there is something here."""
-    monkeypatch.setattr("hairfit.fit.hull.REACH", 0.2)
 
 
 @pytest.fixture(scope="module")

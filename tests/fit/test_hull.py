@@ -33,6 +33,8 @@ from hairfit.render import Camera, mesh_depth
 from hairfit.render.picture import points_at
 from hairfit.render.raster import project_points
 
+pytestmark = pytest.mark.usefixtures("small_room")
+
 HAIR, SPACING = 0.11, 0.008  # a ball of hair around the head
 
 
@@ -42,12 +44,6 @@ def shots(cameras, radius=HAIR):
         view_of(c, np.isfinite(sphere_depth(c, radius)), f"{k:02d}")
         for k, c in enumerate(cameras)
     ]
-
-
-@pytest.fixture(autouse=True)
-def small_room(monkeypatch):
-    """Search no farther than there is something here."""
-    monkeypatch.setattr("hairfit.fit.hull.REACH", 0.2)
 
 
 @pytest.fixture(scope="module")

@@ -18,14 +18,10 @@ from hairfit.fit.unfaced import (
 from hairfit.render import mesh_depth
 from hairfit.render.raster import project_points
 
+pytestmark = pytest.mark.usefixtures("small_room")
+
 HAIR, SPACING = 0.11, 0.006
 CENTRE = np.zeros(3)
-
-
-@pytest.fixture(autouse=True)
-def small_room(monkeypatch):
-    """Search no farther than there is something here."""
-    monkeypatch.setattr("hairfit.fit.hull.REACH", 0.2)
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +93,7 @@ def test_what_photographs_all_around_show_stays_as_it_is(head):
 def test_places_are_levels_and_ways_to_the_left_from_the_face():
     angle = np.radians([2.0, 92.0, 182.0, 358.0])
     points = np.stack([np.sin(angle), np.full(4, 2.5 * LEVEL), np.cos(angle)], axis=1)
-    level, way = places_around(points - 0.1 + 0.1 * np.ones(3), CENTRE)
+    level, way = places_around(points + 0.1, CENTRE + 0.1)
     assert level.tolist() == [2] * 4
     assert way.tolist() == [0, WAYS // 4, WAYS // 2, WAYS - 1]
 
