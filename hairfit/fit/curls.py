@@ -44,7 +44,6 @@ from .hull import Hull, pixel_sizes
 from .repeats import find_pitch, repeating_lines, repeats
 from .slopes import (
     SUREST_CURLS,
-    TRUST,
     Crossing,
     cross_locks,
     mean_cosine,
@@ -192,12 +191,17 @@ def see_locks(
     """
     pitches = [pitch] * len(hair)
     again = list(abreast(repeating_lines, hair, maps, pixels, pitches))
-    crossing = np.sum(list(abreast(cross_locks, hair, maps, again)), axis=0)
-    cross_more = partial(cross_locks, surest=SUREST_CURLS, trust=TRUST)
-    wider = np.sum(list(abreast(cross_more, hair, maps, again)), axis=0)
+    crossing, wider, sharpest = (
+        np.sum(list(abreast(cross, hair, maps, again)), axis=0)
+        for cross in (
+            cross_locks,
+            partial(cross_locks, surest=SUREST_CURLS),
+            partial(cross_locks, trust=1.0),
+        )
+    )
     leans = list(abreast(leaning, hair, maps, again, pixels, pitches))
     lean, whole = np.sum(leans, axis=0)
-    given = hair, maps, pixels, again, [mean_cosine(crossing)] * len(hair)
+    given = hair, maps, pixels, again, [mean_cosine(sharpest)] * len(hair)
     directions = list(abreast(lock_directions, *given))
     return SeenLocks(directions, slope_of(wider), crossing, lean / max(whole, 1e-12))
 

@@ -19,10 +19,10 @@ from ..capture.orientation import OrientationMap, angle_of_line
 from ..evaluate.photographs import line_angle
 
 # Share of a photograph's hair whose locks are told best: what its slope is read from.
-SUREST = 0.4
-# That of curls, and the power of the confidence that counts: both sides of a turn do,
-# of which one is seen sharper.
-SUREST_CURLS, TRUST = 0.6, 0.25
+SUREST, SUREST_CURLS = 0.4, 0.6
+# Power of the confidence by which pixels count: both sides of a turn and the slopes
+# between a wave's crests do, which are seen less sharply than its crests.
+TRUST = 0.25
 STEEP = 0.75  # share of it that is less steep than what tells the slope
 # Share of waving hair that tells its slope, and what that crosses of `T`.
 HALF, FLAT = 0.5, 0.36
@@ -37,7 +37,7 @@ def cross_locks(
     found: OrientationMap,
     lines: Float[np.ndarray, "height width 2"],
     surest: float = SUREST,
-    trust: float = 1.0,
+    trust: float = TRUST,
 ) -> Crossing:
     """Return at which angles hair crosses its locks where these are told best.
 

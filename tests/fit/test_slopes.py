@@ -57,6 +57,17 @@ def test_waves_in_planes_that_are_seen_at_any_angle_get_their_slope_back(slope):
     assert wave_slope_of(np.zeros(BINS)) == 0.0
 
 
+@pytest.mark.parametrize("slope", [0.3, 0.6])
+def test_waves_whose_slopes_are_seen_less_sharply_are_hardly_lower(slope):
+    even = np.pi * (np.arange(300) + 0.5) / 300
+    steep = np.abs(np.cos(even)[:, None] * np.cos(even))
+    found = OrientationMap(np.arctan(slope * steep), 1.0 - 0.8 * steep, 0.1 * steep)
+    sure = np.random.default_rng(0).uniform(0.1, 1.0, (*steep.shape, 1))
+    lines = sure * np.array([1.0, 0.0])
+    crossing = cross_locks(steep >= 0.0, found, lines)
+    assert wave_slope_of(crossing) == pytest.approx(slope, rel=0.12)
+
+
 def test_hair_that_crosses_at_a_right_angle_has_a_finite_slope():
     crossing = np.zeros(BINS)
     crossing[-1] = 1.0
