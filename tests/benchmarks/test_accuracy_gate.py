@@ -90,6 +90,15 @@ def test_a_baseline_is_read_as_it_was_written(tmp_path):
     assert complaints(runs, found) == []
 
 
+@pytest.mark.parametrize(("share", "told"), [(0.11, False), (0.98, True)])
+def test_turns_of_straight_hair_are_not_judged(tmp_path, share, told):
+    path = tmp_path / "baseline.json"
+    radius = "curls.median_radius_relative"
+    figures = {F: 0.5, "curls.true_share": share, radius: -0.44}
+    write_baseline(path, {GROUP: {0: figures}}, "a machine")
+    assert (radius in baseline_runs(read_baseline(path))[GROUP][0]) == told
+
+
 def test_tolerances_that_were_edited_stay(tmp_path):
     path = tmp_path / "baseline.json"
     write_baseline(path, {GROUP: {0: {F: 0.5}}}, "a machine")
