@@ -196,6 +196,7 @@ def see_locks(
         for cross in (
             cross_locks,
             partial(cross_locks, surest=SUREST_CURLS),
+            # What the mean direction counts was found with confidence as it is.
             partial(cross_locks, trust=1.0),
         )
     )

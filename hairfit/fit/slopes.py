@@ -18,7 +18,8 @@ from jaxtyping import Bool, Float
 from ..capture.orientation import OrientationMap, angle_of_line
 from ..evaluate.photographs import line_angle
 
-# Share of a photograph's hair whose locks are told best: what its slope is read from.
+# Share of a photograph's hair whose locks are told best: what the slope of waves is
+# read from, and that of curls.
 SUREST, SUREST_CURLS = 0.4, 0.6
 # Power of the confidence by which pixels count: both sides of a turn and the slopes
 # between a wave's crests do, which are seen less sharply than its crests.
