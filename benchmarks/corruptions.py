@@ -1,7 +1,7 @@
 """Photographs made wrong on purpose: one view of a capture at a time."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,6 +15,9 @@ from hairfit.render import Camera
 from hairfit.types import Mesh
 
 TURN_DEG = 2.0
+SHAKE = 7.0  # pixels
+ACROSS = np.radians(20.0)  # the way in which one photograph is shaken
+NEXT = np.radians(137.5)  # by which the next one is shaken another way
 BLOB = 0.25  # radius of a blob, as a share of the square root of the hair's area
 
 
@@ -79,6 +82,35 @@ def overexposed(view: View) -> View:
     return dataclasses.replace(view, image=linear_from_srgb(shade).astype(np.float32))
 
 
+def shaken(view: View, pixels: float = SHAKE, angle: float = ACROSS) -> View:
+    """Return a view whose picture is smeared along a line.
+
+    Args:
+        view: The photograph.
+        pixels: Length of the smear.
+        angle: Angle of the line, from +x towards +y (down), in radians.
+    """
+    half = int(np.ceil(0.5 * pixels)) + 1
+    kernel = np.zeros((2 * half + 1, 2 * half + 1))
+    for along in np.linspace(-0.5 * pixels, 0.5 * pixels, 200):
+        place = [[half + along * np.sin(angle)], [half + along * np.cos(angle)]]
+        corner = np.floor(place).astype(int).ravel()
+        y, x = np.ravel(place) - corner
+        weights = np.outer([1.0 - y, y], [1.0 - x, x])
+        kernel[corner[0] : corner[0] + 2, corner[1] : corner[1] + 2] += weights
+    image = [
+        ndimage.convolve(np.asarray(channel, np.float64), kernel / kernel.sum())
+        for channel in np.moveaxis(view.image, 2, 0)
+    ]
+    image = np.maximum(np.stack(image, axis=2), 0.0)
+    return dataclasses.replace(view, image=image.astype(np.float32))
+
+
+def all_shaken(views: Sequence[View], pixels: float) -> list[View]:
+    """Return views that are all shaken, each another way."""
+    return [shaken(v, pixels, ACROSS + k * NEXT) for k, v in enumerate(views)]
+
+
 def mirrored(view: View, *, masks: bool) -> View:
     """Return a view whose picture, perhaps with its masks, is mirrored."""
     new = dataclasses.replace(view, image=view.image[:, ::-1])
@@ -105,6 +137,7 @@ def corruptions(other: View, head: Mesh) -> dict[str, tuple[str, Callable]]:
         "camera rolls": ("camera", lambda v: turned(v, [0.0, 0.0, 1.0])),
         "camera orbits": ("camera", lambda v: orbited(v, head)),
         "overexposed": ("exposure", overexposed),
+        "shaken": ("shaken", shaken),
         "picture mirrored": ("mirrored", lambda v: mirrored(v, masks=False)),
         "all mirrored": ("mirrored", lambda v: mirrored(v, masks=True)),
     }

@@ -1,6 +1,7 @@
 """How far orientation maps are off, and whether their confidence knows it.
 
-Run `python benchmarks/orientation.py [CAPTURE ...] [--views 00,01 | --views 8]`. The
+Run `python benchmarks/orientation.py [CAPTURE ...] [--views 00,01 | --views 8]
+[--shake 3]`, the last with photographs shaken by so many pixels, each another way. The
 captures need `truth.npz`: the front-most strand in a pixel is its truth. Drawn waves,
 whose direction is known, follow; they have no photograph's noise but turn quickly.
 Errors are in degrees: the median over the visible hair with the confidence as weight
@@ -13,10 +14,12 @@ import pathlib
 import time
 
 import numpy as np
+from corruptions import all_shaken
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from hairfit.capture import load_capture
 from hairfit.capture.orientation import OrientationMap, estimate_orientation
+from hairfit.capture.shake import steady_orientation
 from hairfit.evaluate.photographs import line_angle, weigh
 from hairfit.render.raster import mesh_depth, rasterise
 
@@ -53,23 +56,24 @@ def print_row(name: str, parts: list[Errors], seconds: float) -> None:
     )
 
 
-def measure_capture(folder: pathlib.Path, views: str, each: bool) -> None:
+def measure_capture(folder: pathlib.Path, views: str, each: bool, shake: float) -> None:
     """Print the errors on a capture whose strands are known."""
     capture = load_capture(folder, views)
     with np.load(folder / "truth.npz") as file:
         count = len(file["offsets"]) - 1
         points = file["points"].reshape(count, -1, 3).astype(np.float64)
     parts, seconds = [], 0.0
-    for view in capture.views:
+    shown = all_shaken(capture.views, shake) if shake else capture.views
+    for view in shown:
         hidden = None
         if capture.head is not None:
             hidden = mesh_depth(capture.head, view.camera) + SKIN
         truth = rasterise(points, view.camera, mesh_depth=hidden)
         start = time.perf_counter()
-        found = estimate_orientation(view.image, view.hair)
+        found = steady_orientation(view.image, view.hair).found
         taken = time.perf_counter() - start
         parts.append(Errors(found, truth.orientation, view.hair & truth.coverage))
-        seconds += taken / len(capture.views)
+        seconds += taken / len(shown)
         if each:
             print_row(f"  {view.name}", parts[-1:], taken)
     print_row(folder.name, parts, seconds)
@@ -127,12 +131,13 @@ def main() -> None:
     )
     parser.add_argument("--views", default=RING, help="names, or how many")
     parser.add_argument("--each", action="store_true", help="a row for every view, too")
+    parser.add_argument("--shake", type=float, default=0.0, help="pixels")
     options = parser.parse_args()
     # The first call loads OpenCV and measures the filters' noise.
     estimate_orientation(np.ones((32, 32, 3), np.float32), np.ones((32, 32), bool))
     print(f"{'':<18}{'weighted':>9}{'median':>9}{'seconds':>9}   expected/actual")
     for folder in options.captures:
-        measure_capture(folder, options.views, options.each)
+        measure_capture(folder, options.views, options.each, options.shake)
     print("drawn waves: swing, wavelength, noise")
     for swing, wavelength, noise in WAVES:
         measure_waves(swing, wavelength, noise)

@@ -1,11 +1,12 @@
 """How much a fit depends on its seed, and what one bad photograph costs.
 
 Run `python benchmarks/robustness.py [CAPTURE ...] [--views 00,01,...]
-[--quality normal] [--seeds 20] [--spoil 2]`. First fits with different seeds: the mean
-and the standard deviation of the unsigned F at 3 mm and 30 degrees over all strands,
-and whether a number is not finite. Then fits with one view spoiled in every way that
-`corruptions.py` knows: the points of F that are lost against the clean fit of seed 0,
-and what the fit says of the view. F is measured on a sample of the points.
+[--quality normal] [--seeds 20] [--spoil 2] [--shake 3 7]`. First fits with different
+seeds: the mean and the standard deviation of the unsigned F at 3 mm and 30 degrees
+over all strands, and whether a number is not finite. Then fits with one view spoiled
+in every way that `corruptions.py` knows: the points of F that are lost against the
+clean fit of seed 0, and what the fit says of the view. Then fits with all photographs
+shaken by so many pixels. F is measured on a sample of the points.
 """
 
 import argparse
@@ -19,7 +20,7 @@ import time
 
 import jax
 import numpy as np
-from corruptions import corruptions
+from corruptions import all_shaken, corruptions
 
 from hairfit.capture import load_capture
 from hairfit.capture.capture import Capture, require_for_fit
@@ -45,6 +46,7 @@ def main() -> None:
     parser.add_argument("--quality", default="normal")
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--spoil", type=int, default=2, help="which view; -1 for none")
+    parser.add_argument("--shake", type=float, nargs="*", default=[])
     given = parser.parse_args()
     found = given.captures or [SHARED / name for name in ("ruby", "ponytail")]
     for folder in found:
@@ -55,6 +57,15 @@ def main() -> None:
         clean = try_seeds(name, capture, truth, config, given.seeds)
         if given.spoil >= 0:
             try_corruptions(name, capture, truth, config, given.spoil, clean)
+        for pixels in given.shake:
+            bad = tuple(all_shaken(capture.views, pixels))
+            fitted, _ = timed_fit(dataclasses.replace(capture, views=bad), config)
+            f, named = f_of(fitted.strands, truth), len(fitted.doubts)
+            print(
+                f"{name}, all shaken by {pixels:g} pixels: F {f:.1f}, {clean - f:.1f} "
+                f"lost, {named} named",
+                flush=True,
+            )
 
 
 def try_seeds(

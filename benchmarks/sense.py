@@ -25,8 +25,7 @@ from hairfit.fit.curls import see_curls
 from hairfit.fit.flow import hair_field, hair_flow
 from hairfit.fit.hull import Hull, carve
 from hairfit.fit.presets import PRESETS
-from hairfit.fit.shots import Shots, orientation_maps, trusted_shots, wrapped_scalp
-from hairfit.fit.trust import mute_clipped
+from hairfit.fit.shots import Shots, look_at, trusted_shots, wrapped_scalp
 from hairfit.io.strands import load_strands
 from hairfit.model.scalp import Scalp, normals_on, points_on, sample_roots
 
@@ -86,10 +85,9 @@ def start_of(folder: pathlib.Path, names: str, quality: Quality) -> Start:
     shots = trusted_shots(capture.views, head, store)
     hull = carve(shots.views, shots.depths, head, PRESETS[quality].spacing)
     hull = carve_corners(hull, shots.views, shots.depths)
-    maps = orientation_maps(shots.trusted.views, store, lambda share: None)
-    muted = mute_clipped(shots.trusted.views, maps, shots.doubts)
+    shots, maps = look_at(shots, store, lambda share: None)
     scalp = capture.scalp or wrapped_scalp(shots, head)
-    return Start(shots, [muted[k] for k in shots.used], hull, scalp)
+    return Start(shots, [maps[k] for k in shots.used], hull, scalp)
 
 
 def measured(folder: pathlib.Path, names: str, quality: Quality) -> Shares:

@@ -88,6 +88,8 @@ def try_all(capture: Capture, count: int, each: int, table) -> None:
     for k in range(0, len(views) if each else 0, each or 1):
         other = views[(k + 2) % len(views)]
         for name, (kind, spoil) in corruptions(other, head).items():
+            if kind == "shaken":  # Orientation maps tell; `robustness.py` asks them.
+                continue
             bad = [*views]
             bad[k] = spoil(views[k])
             there = [*depths]

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..capture.orientation import OrientationMap, estimate_orientation
+from ..capture.orientation import OrientationMap
+from ..capture.shake import steady_orientation
 from ..render.raster import Raster, rasterise_wider
 from .visibility import Sight
 
@@ -78,7 +79,7 @@ def compare_with_photograph(
     view = sight.view
     thin, wide = draw_in(points, sight) if drawn is None else drawn
     if found is None:
-        found = estimate_orientation(view.image, view.hair)
+        found = steady_orientation(view.image, view.hair).found
     weight = np.where(thin.coverage & view.hair, found.confidence, 0.0)
     at = weight > 0.0
     errors = None

@@ -7,6 +7,7 @@ disagree, and so does how dark it is. Carving by photo-consistency (Kutulakos & 
 """
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -47,6 +48,9 @@ BARE = 0.015  # metres from the skin; nearer it shows, and all hair is thin
 MOST_PLACES = 20_000  # that are asked for the exposures
 BESIDE = 0.001  # metres by which hair may lie beside a place
 SWEEPS = 8
+# Where masks are too wide, what is behind what was cut agrees: of the surface, so deep,
+# 0.2 times as much is to be cut as at first. Where maps are wrong, 0.6 times and more.
+CONVERGED = 0.4
 FEWEST_CUT = 0.002  # of the hull; a sweep that cuts less is the last
 
 
@@ -83,7 +87,10 @@ def carve_by_consistency(
 
 
 def carve_layers(
-    whole: Hull, ask: Callable[[Hull], "Contradictions"], usual: float = 0.0
+    whole: Hull,
+    ask: Callable[[Hull], "Contradictions"],
+    usual: float = 0.0,
+    limit: float = INCONSISTENT,
 ) -> Hull:
     """Return the hull less what contradictions cut.
 
@@ -92,8 +99,12 @@ def carve_layers(
         ask: How far views contradict each other, given a hull.
         usual: How unlike shades usually are, 0 for what is found; infinite, so that
             none cut, as soon as they turn out to cut hair.
+        limit: Disagreement of directions from which on there is no hair; four times as
+            much, as if errors of maps were twice what they say, as long as what is cut
+            leaves what disagrees as much.
     """
-    hull, far = whole, whole.head > BARE
+    hull, far, first = whole, whole.head > BARE, 0.0
+    last = min(math.ceil(DEEP / whole.grid.spacing), SWEEPS - 1)
     for sweep in range(SWEEPS):
         surface = surface_of(hull)
         found = ask(hull)
@@ -101,8 +112,13 @@ def carve_layers(
         # What was cut by mistake leaves what looks as bad behind it.
         unlike = far & (found.shaded > (UNLIKE + sweep) * usual)
         if sweep < ASKED and directions_agree(found, surface & far, unlike):
-            return carve_layers(whole, ask, np.inf)
-        cut = surface & ((found.turned > INCONSISTENT) | unlike)
+            return carve_layers(whole, ask, np.inf, limit)
+        turned = surface & (found.turned > limit)
+        share = float(turned.sum() / surface.sum())
+        first = first or share
+        if sweep == last and share > CONVERGED * max(first, LEAST_CUT):
+            return carve_layers(whole, ask, usual, 4.0 * limit)
+        cut = turned | (surface & unlike)
         left = hull.hair & ~cut
         # No hull is worse than one that is too wide; what is whole is measured already.
         if not left.any() or not cut.any():

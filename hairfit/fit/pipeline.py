@@ -63,7 +63,7 @@ from .shots import (
     Shots,
     coarser_sights,
     largest,
-    orientation_maps,
+    look_at,
     resampled,
     trusted_shots,
     wrapped_scalp,
@@ -80,7 +80,6 @@ from .treeify import (
     levels_above,
     on_scalp,
 )
-from .trust import mute_clipped
 from .unfaced import with_unfaced
 from .volume import hair_volume, inner_places
 from .waves import with_lost_waves, with_waves
@@ -338,12 +337,11 @@ def _first_tree(
         compile_for(preset.knots)
         ahead(compile_looks, config.strands, STRAND_POINTS, len(views), head)
         hull = carve_corners(hull, views, depths)
-        all_maps = orientation_maps(
-            shots.trusted.views,
+        shots, all_maps = look_at(
+            shots,
             store,
             lambda share: progress("finding orientation", 0.11 + 0.02 * share),
         )
-        all_maps = mute_clipped(shots.trusted.views, all_maps, shots.doubts)
         maps = [all_maps[k] for k in shots.used]
         progress("carving by direction", 0.13)
         allowed, curls = hull, see_curls(hull, views, maps)

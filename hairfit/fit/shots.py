@@ -8,16 +8,17 @@ from jaxtyping import Float
 
 from ..abreast import abreast
 from ..capture.capture import View
-from ..capture.orientation import OrientationMap, estimate_orientation
+from ..capture.orientation import OrientationMap
 from ..capture.scalp_wrap import SeenHead, wrap_scalp
+from ..capture.shake import Smear, Steady, steady_orientation
 from ..evaluate.visibility import Sight
 from ..model.scalp import Scalp
 from ..render.raster import mesh_depth
 from ..types import Mesh
 from .checkpoint import Checkpoint
 from .hull import Hull, pixel_sizes
-from .suspects import Doubt, find_suspects, shrink
-from .trust import Trusted, without_suspects
+from .suspects import Doubt, find_suspects, shaken_doubt, shrink
+from .trust import Trusted, mute_clipped, without_suspects
 
 # Strands are compared with photographs whose pixels are so wide at the hair, in metres:
 # few strands stand for many, and hide what is behind a few pixels. Pixels that are
@@ -106,33 +107,38 @@ def resampled(
     ]
 
 
-def orientation_maps(
-    views: Sequence[View], store: Checkpoint, progress: Callable[[float], None]
-) -> list[OrientationMap]:
-    """Return the orientation map of every photograph.
+def look_at(
+    shots: Shots, store: Checkpoint, progress: Callable[[float], None]
+) -> tuple[Shots, list[OrientationMap]]:
+    """Return the orientation map of every photograph, and what is wrong with more.
 
     Args:
-        views: The photographs.
+        shots: The photographs.
         store: Where maps are kept, and taken from.
         progress: Called with the share of them that is done.
     """
 
-    def found_in(view: View) -> OrientationMap:
+    def found_in(view: View) -> Steady:
         saved = store.load(f"orientation-{view.name}")
         if saved is None:
-            found = estimate_orientation(view.image, view.hair)
+            found, smear = steady_orientation(view.image, view.hair)
             saved = {
                 name: np.asarray(getattr(found, name), np.float32)
                 for name in ("angle", "confidence", "sigma")
             }
+            saved["smear"] = np.array(smear or ())
             store.save(f"orientation-{view.name}", saved)
-        return OrientationMap(**saved)
+        smear = saved.pop("smear", ())
+        return Steady(OrientationMap(**saved), Smear(*smear) if len(smear) else None)
 
-    maps = []
-    for found in abreast(found_in, views):
+    views, maps, doubts = shots.trusted.views, [], [*shots.doubts]
+    for view, (found, smear) in zip(views, abreast(found_in, views), strict=True):
         maps.append(found)
+        if smear is not None:
+            doubts.append(shaken_doubt(view.name, smear))
         progress(len(maps) / len(views))
-    return maps
+    maps = mute_clipped(views, maps, doubts)
+    return shots._replace(doubts=tuple(doubts)), maps
 
 
 def wrapped_scalp(shots: Shots, head: Mesh) -> Scalp:

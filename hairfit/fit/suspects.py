@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..capture.capture import View, reduce_view
 from ..capture.photos import srgb_from_linear
+from ..capture.shake import Smear
 from ..render.camera import Camera
 from ..types import Mesh
 from .agreement import ask_all, disagreement_without, find_candidates
@@ -36,9 +37,15 @@ LEAST_DIFFERENT = 0.01  # share of the hair that a mirror moves, to judge a mirr
 CLIPPED, BLACK = 254.0 / 255.0, 1.0 / 255.0  # sRGB
 ODD_STOPS, ODD_FROM_NEXT = 1.3, 0.7
 
-Kind = Literal["mask", "camera", "exposure", "mirrored"]
+Kind = Literal["mask", "camera", "exposure", "mirrored", "shaken"]
 Remedy = Literal[
-    "open mask", "turn camera", "flip all", "flip image", "leave out", "mute clipped"
+    "open mask",
+    "turn camera",
+    "flip all",
+    "flip image",
+    "leave out",
+    "mute clipped",
+    "look smaller",
 ]
 
 
@@ -246,6 +253,17 @@ def mask_doubt(name: str, share: float) -> Doubt:
         "paint it anew."
     )
     return Doubt(name, "mask", share, "share", sentence, "open mask")
+
+
+def shaken_doubt(name: str, smear: Smear) -> Doubt:
+    """Return the doubt about a picture that is smeared."""
+    sentence = (
+        f"photograph '{name}' is shaken: {percent(smear.share)} of the hair seems to "
+        "run as the picture is smeared, across what a smaller one shows. The fit took "
+        "directions of hair from the smaller one; take the photograph again with a "
+        "shorter exposure."
+    )
+    return Doubt(name, "shaken", smear.share, "share", sentence, "look smaller")
 
 
 def percent(share: float) -> str:

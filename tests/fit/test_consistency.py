@@ -250,6 +250,32 @@ def test_shades_cut_nothing_if_directions_agree_in_one_of_the_first_layers(
     assert cut or asked[layer + 1].hair.sum() == hull.hair.sum()
 
 
+@pytest.mark.parametrize("wrong", [3.0, 20.0, 400.0])
+def test_maps_that_contradict_each_other_everywhere_cut_nothing(hull, wrong):
+    def ask(found):
+        return Contradictions(
+            np.where(found.hair, wrong, 0.0), np.ones(found.hair.shape)
+        )
+
+    np.testing.assert_array_equal(carve_layers(hull, ask).hair, hull.hair)
+
+
+def test_a_wide_layer_goes_where_what_is_behind_it_agrees(hull):
+    # A twentieth of what is behind disagrees as well, by chance.
+    middles = hull.grid.centres(np.ones(hull.hair.shape, bool))
+    away = np.linalg.norm(middles, axis=1).reshape(hull.hair.shape)
+    odd = np.random.default_rng(0).random(hull.hair.shape) < 0.05
+
+    def ask(found):
+        return Contradictions(
+            np.where((away > 0.056) | odd, 4.0, 0.5), np.ones(found.hair.shape)
+        )
+
+    left = carve_layers(hull, ask).hair
+    assert not left[away > 0.056].any()
+    assert left[away < 0.05].mean() > 0.8
+
+
 def test_shades_that_nobody_compares_cut_nothing():
     nothing = np.zeros((4, 4, 4))
     everywhere = np.ones(nothing.shape, bool)

@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
 from ball_hair import camera_at, hull_where, photograph
+from scipy.ndimage import uniform_filter1d
 
+from hairfit.capture import View
+from hairfit.fit.checkpoint import Checkpoint
 from hairfit.fit.hull import pixel_sizes
 from hairfit.fit.residuals import seen_segments
-from hairfit.fit.shots import PIXEL, Shots, coarser_sights, resampled
+from hairfit.fit.shots import PIXEL, Shots, coarser_sights, look_at, resampled
 from hairfit.fit.trust import Trusted
 from hairfit.render.raster import project_points
 
@@ -72,3 +75,29 @@ def test_photographs_with_coarse_pixels_stay_as_they_are():
     (sight,) = coarser_sights(shots, HULL)
     assert sight.view is shots.views[0] and sight.behind is shots.depths[0]
     assert resampled(maps, [sight]) == maps
+
+
+def test_a_shaken_photograph_is_named_and_kept_with_its_map(tmp_path):
+    rng = np.random.default_rng(0)
+    y, x = np.mgrid[:360, :360]
+    grain = 0.2 * rng.normal(size=360)[x] + 0.3 * rng.normal(size=x.shape)
+    grain += 0.6 * np.sin(x / 3.0)  # hair hangs
+    sharp = np.repeat(0.05 * np.exp(grain)[..., None], 3, axis=2).astype(np.float32)
+    smeared = uniform_filter1d(sharp, 7, axis=1)
+    hair, camera = np.ones(x.shape, bool), camera_at([0.0, 0.0, 0.2])
+    depths = [np.full(x.shape, np.inf)] * 2
+    views = (View("a", camera, sharp, hair), View("b", camera, smeared, hair))
+    shots = Shots([*views], depths, [0, 1], Trusted(views, depths, [True] * 2), ())
+    done = []
+    seen, maps = look_at(shots, Checkpoint(tmp_path), done.append)
+    assert done == [0.5, 1.0]
+    (doubt,) = seen.doubts
+    assert (doubt.view, doubt.kind, doubt.remedy) == ("b", "shaken", "look smaller")
+    assert doubt.strength > 0.3 and "'b' is shaken" in doubt.sentence
+    for found in maps:
+        assert np.median(np.abs(found.angle - 0.5 * np.pi)) < np.radians(3.0)
+    again, kept = look_at(shots, Checkpoint(tmp_path), done.append)
+    assert again.doubts == seen.doubts
+    for one, other in zip(maps, kept, strict=True):
+        np.testing.assert_array_equal(one.angle, other.angle)
+        np.testing.assert_array_equal(one.confidence, other.confidence)
