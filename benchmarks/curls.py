@@ -15,7 +15,11 @@ from accuracy_run import SUBSETS
 from jaxtyping import Float
 
 from hairfit.capture import load_capture
-from hairfit.capture.orientation import angle_of_line, estimate_orientation
+from hairfit.capture.orientation import (
+    angle_of_line,
+    estimate_orientation,
+    line_angle,
+)
 from hairfit.evaluate.curls import (
     LEAST_PERIODS,
     SAMPLES,
@@ -24,7 +28,6 @@ from hairfit.evaluate.curls import (
     median_of,
     strongest_period,
 )
-from hairfit.evaluate.photographs import line_angle
 from hairfit.evaluate.visibility import SEE_INTO, even_strands, look
 from hairfit.fit.curls import mean_line, see_locks
 from hairfit.fit.hull import carve, pixel_sizes

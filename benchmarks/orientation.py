@@ -18,9 +18,13 @@ from corruptions import all_shaken
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from hairfit.capture import load_capture
-from hairfit.capture.orientation import OrientationMap, estimate_orientation
+from hairfit.capture.orientation import (
+    OrientationMap,
+    estimate_orientation,
+    line_angle,
+)
 from hairfit.capture.shake import steady_orientation
-from hairfit.evaluate.photographs import line_angle, weigh
+from hairfit.evaluate.photographs import weigh
 from hairfit.render.raster import mesh_depth, rasterise
 
 CAPTURES = pathlib.Path(__file__).parents[2] / "shared" / "captures"

@@ -141,6 +141,14 @@ def angle_of_line(
     return np.where(turn >= np.float32(np.pi), np.float32(0), turn)
 
 
+def line_angle(
+    first: Float[np.ndarray, "*shape"], second: Float[np.ndarray, "*shape"]
+) -> Float[np.ndarray, "*shape"]:
+    """Return the angle between lines, in [0, pi/2]."""
+    gap = np.mod(first.astype(np.float64) - second, np.pi)
+    return np.minimum(gap, np.pi - gap)
+
+
 def spread_of_lines(
     agree: Float[np.ndarray, "*shape"],
 ) -> Float[np.ndarray, "*shape"]:

@@ -20,6 +20,7 @@ from .orientation import (
     angle_of_line,
     bounding_box,
     estimate_orientation,
+    line_angle,
 )
 
 # Of the hair's longer side, the small picture has a third of the pixels, but so many.
@@ -86,9 +87,8 @@ def find_smear(fine: OrientationMap, coarse: OrientationMap) -> Smear | None:
         fine: Its orientation map.
         coarse: That of a smaller picture, at the same size.
     """
-    gap = np.abs(np.mod(fine.angle - coarse.angle + 0.5 * np.pi, np.pi) - 0.5 * np.pi)
     weight = fine.confidence.astype(np.float64) * coarse.confidence
-    odd = np.where(gap > APART, weight, 0.0)
+    odd = np.where(line_angle(fine.angle, coarse.angle) > APART, weight, 0.0)
     share = float(odd.sum() / max(weight.sum(), 1e-12))
     line = np.sum(odd * np.exp(2j * fine.angle))
     alike = float(np.abs(line) / max(odd.sum(), 1e-12))

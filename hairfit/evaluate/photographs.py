@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..capture.orientation import OrientationMap
+from ..capture.orientation import OrientationMap, line_angle
 from ..capture.shake import steady_orientation
 from ..render.raster import Raster, rasterise_wider
 from .visibility import Sight
@@ -91,14 +91,6 @@ def compare_with_photograph(
         median_angle_deg=None if errors is None else float(np.degrees(errors.median)),
         iou=overlap(wide.coverage, view.hair),
     )
-
-
-def line_angle(
-    first: Float[np.ndarray, " pixels"], second: Float[np.ndarray, " pixels"]
-) -> Float[np.ndarray, " pixels"]:
-    """Return the angle between lines, in [0, pi/2]."""
-    gap = np.mod(first.astype(np.float64) - second, np.pi)
-    return np.minimum(gap, np.pi - gap)
 
 
 def weigh(

@@ -15,8 +15,7 @@ than 0.36 `T`.
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..capture.orientation import OrientationMap, angle_of_line
-from ..evaluate.photographs import line_angle
+from ..capture.orientation import OrientationMap, angle_of_line, line_angle
 
 # Share of a photograph's hair whose locks are told best: what the slope of waves is
 # read from, and that of curls.

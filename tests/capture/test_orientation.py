@@ -8,6 +8,7 @@ from hairfit.capture.orientation import (
     angle_of_line,
     estimate_orientation,
     expected_error,
+    line_angle,
 )
 from hairfit.errors import InputError
 from hairfit.render.raster import mesh_depth, rasterise
@@ -279,3 +280,11 @@ def test_angles_of_lines_are_below_a_half_turn():
     assert np.allclose(found, np.mod(angle, np.pi), atol=1e-6)
     # Its half is a tiny angle below 0: pi itself, if it were rounded.
     assert angle_of_line(np.ones(1), np.array([-1e-12]))[0] == 0.0
+
+
+def test_lines_have_no_sign():
+    first = np.array([0.0, 0.1, 3.1, 1.0])
+    second = np.array([0.0, 3.1, 0.1, 1.0 + np.pi / 2])
+    apart = np.pi - 3.0
+    expected = [0.0, apart, apart, np.pi / 2]
+    assert np.allclose(line_angle(first, second), expected)

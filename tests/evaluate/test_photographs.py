@@ -4,7 +4,6 @@ from known_hair import lines, striped
 
 from hairfit.evaluate.photographs import (
     compare_with_photograph,
-    line_angle,
     overlap,
     weigh,
 )
@@ -28,14 +27,6 @@ def test_hair_elsewhere_has_no_angle_and_no_overlap():
     errors = compare_with_photograph(lines(30.0) + 9.0, Sight(striped(30.0), None))
     assert errors.mean_angle_deg is None and errors.median_angle_deg is None
     assert errors.iou == 0.0
-
-
-def test_lines_have_no_sign():
-    first = np.array([0.0, 0.1, 3.1, 1.0])
-    second = np.array([0.0, 3.1, 0.1, 1.0 + np.pi / 2])
-    apart = np.pi - 3.0
-    expected = [0.0, apart, apart, np.pi / 2]
-    assert np.allclose(line_angle(first, second), expected)
 
 
 def test_means_and_medians_are_weighted():
