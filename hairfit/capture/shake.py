@@ -66,18 +66,21 @@ def steady_orientation(
     Raises:
         InputError: If the sizes differ or the picture holds values that are not finite.
     """
-    found = estimate_orientation(image, hair)
-    side = max(hair[bounding_box(hair)].shape) if hair.any() else 0
-    small = min(max(side / SMALLER, LEAST_SIDE), MOST_SIDE)
-    if side < LEAST_SMALLER * small:
+    found, share = estimate_orientation(image, hair), share_of_small(hair)
+    if share > 1.0 / LEAST_SMALLER:
         return Steady(found, None)
-    share = small / side
     smaller = smaller_orientation(image, hair, share)
     smear = find_smear(found, smaller)
     if smear is None:
         return Steady(found, None)
     least = smaller_orientation(image, hair, 0.5 * share)
     return Steady(smaller if find_smear(smaller, least) is None else least, smear)
+
+
+def share_of_small(hair: Bool[np.ndarray, "height width"]) -> float:
+    """Return how many pixels a side the small picture has for one of the large."""
+    side = max(hair[bounding_box(hair)].shape) if hair.any() else 1
+    return min(min(max(side / SMALLER, LEAST_SIDE), MOST_SIDE) / side, 1.0)
 
 
 def find_smear(fine: OrientationMap, coarse: OrientationMap) -> Smear | None:

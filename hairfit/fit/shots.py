@@ -10,7 +10,13 @@ from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..capture.scalp_wrap import SeenHead, wrap_scalp
-from ..capture.shake import Smear, Steady, steady_orientation
+from ..capture.shake import (
+    Smear,
+    Steady,
+    share_of_small,
+    smaller_orientation,
+    steady_orientation,
+)
 from ..evaluate.visibility import Sight
 from ..model.scalp import Scalp
 from ..render.raster import mesh_depth
@@ -25,6 +31,10 @@ from .trust import Trusted, mute_clipped, without_suspects
 # hardly finer stay as they are.
 PIXEL = 0.00056
 FINER = 0.75
+
+# Where so many photographs are shaken, and such a share of all, the others probably are
+# as well, along their hair: all are looked at in smaller pictures.
+SEVERAL, SEVERAL_SHARE = 2, 0.25
 
 Depths = Sequence[Float[np.ndarray, "_height _width"]]
 
@@ -131,12 +141,24 @@ def look_at(
         smear = saved.pop("smear", ())
         return Steady(OrientationMap(**saved), Smear(*smear) if len(smear) else None)
 
-    views, maps, doubts = shots.trusted.views, [], [*shots.doubts]
-    for view, (found, smear) in zip(views, abreast(found_in, views), strict=True):
-        maps.append(found)
-        if smear is not None:
-            doubts.append(shaken_doubt(view.name, smear))
-        progress(len(maps) / len(views))
+    def as_shaken(view: View, seen: Steady) -> OrientationMap:
+        if seen.smear is not None:
+            return seen.found
+        return smaller_orientation(view.image, view.hair, share_of_small(view.hair))
+
+    views, seen = shots.trusted.views, []
+    for one in abreast(found_in, views):
+        seen.append(one)
+        progress(len(seen) / len(views))
+    doubts = [
+        shaken_doubt(view.name, one.smear)
+        for view, one in zip(views, seen, strict=True)
+        if one.smear is not None
+    ]
+    maps = [one.found for one in seen]
+    if len(doubts) >= max(SEVERAL, SEVERAL_SHARE * len(views)):
+        maps = list(abreast(as_shaken, views, seen))
+    doubts = [*shots.doubts, *doubts]
     maps = mute_clipped(views, maps, doubts)
     return shots._replace(doubts=tuple(doubts)), maps
 

@@ -4,6 +4,7 @@ from ball_hair import camera_at, hull_where, photograph
 from scipy.ndimage import uniform_filter1d
 
 from hairfit.capture import View
+from hairfit.capture.orientation import estimate_orientation
 from hairfit.fit.checkpoint import Checkpoint
 from hairfit.fit.hull import pixel_sizes
 from hairfit.fit.residuals import seen_segments
@@ -77,18 +78,26 @@ def test_photographs_with_coarse_pixels_stay_as_they_are():
     assert resampled(maps, [sight]) == maps
 
 
-def test_a_shaken_photograph_is_named_and_kept_with_its_map(tmp_path):
+def hanging(shaken):
+    """Return photographs of hair that hangs, smeared along so many pixels."""
     rng = np.random.default_rng(0)
-    y, x = np.mgrid[:360, :360]
+    x = np.mgrid[:360, :360][1]
     grain = 0.2 * rng.normal(size=360)[x] + 0.3 * rng.normal(size=x.shape)
-    grain += 0.6 * np.sin(x / 3.0)  # hair hangs
+    grain += 0.6 * np.sin(x / 3.0)
     sharp = np.repeat(0.05 * np.exp(grain)[..., None], 3, axis=2).astype(np.float32)
-    smeared = uniform_filter1d(sharp, 7, axis=1)
     hair, camera = np.ones(x.shape, bool), camera_at([0.0, 0.0, 0.2])
-    depths = [np.full(x.shape, np.inf)] * 2
-    views = (View("a", camera, sharp, hair), View("b", camera, smeared, hair))
-    shots = Shots([*views], depths, [0, 1], Trusted(views, depths, [True] * 2), ())
-    done = []
+    images = [uniform_filter1d(sharp, size, axis=1) for size in shaken]
+    names = "abcdefgh"[: len(images)]
+    views = tuple(View(n, camera, i, hair) for n, i in zip(names, images, strict=True))
+    depths = [np.full(x.shape, np.inf)] * len(views)
+    every = list(range(len(views)))
+    return Shots(
+        [*views], depths, every, Trusted(views, depths, [True] * len(every)), ()
+    )
+
+
+def test_a_shaken_photograph_is_named_and_kept_with_its_map(tmp_path):
+    shots, done = hanging([1, 7]), []
     seen, maps = look_at(shots, Checkpoint(tmp_path), done.append)
     assert done == [0.5, 1.0]
     (doubt,) = seen.doubts
@@ -101,3 +110,16 @@ def test_a_shaken_photograph_is_named_and_kept_with_its_map(tmp_path):
     for one, other in zip(maps, kept, strict=True):
         np.testing.assert_array_equal(one.angle, other.angle)
         np.testing.assert_array_equal(one.confidence, other.confidence)
+
+
+@pytest.mark.parametrize(("shaken", "all_small"), [([1, 7, 9], True), ([1, 7], False)])
+def test_where_several_are_shaken_all_are_looked_at_in_smaller_pictures(
+    shaken, all_small
+):
+    shots = hanging(shaken)
+    sharp = shots.views[0]
+    seen, maps = look_at(shots, Checkpoint(None), lambda share: None)
+    assert [doubt.view for doubt in seen.doubts] == ["b", "c"][: len(shaken) - 1]
+    plain = estimate_orientation(sharp.image, sharp.hair)
+    assert np.array_equal(maps[0].angle, plain.angle) == (not all_small)
+    assert np.median(np.abs(maps[0].angle - 0.5 * np.pi)) < np.radians(3.0)
