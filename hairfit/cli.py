@@ -77,6 +77,8 @@ class Fit:
         for sentence in before_fit(capture, config):
             say(sentence, quiet=self.quiet)
         report = fit_to_folder(capture, config, self.out, quiet=self.quiet)
+        for doubt in report["suspects"]:
+            say(doubt["sentence"], quiet=self.quiet)
         seconds = round(time.monotonic() - start, 1)
         if self.json:
             print_json({"result": str(self.out), "seconds": seconds, **report})

@@ -14,7 +14,9 @@ from tiny_capture import HEIGHT, NAMES, WIDTH, write_tiny_capture
 from hairfit import fit
 from hairfit.capture.orientation import OrientationMap
 from hairfit.capture.photos import read_photo
+from hairfit.capture.shake import Smear
 from hairfit.cli import main, sooner
+from hairfit.fit.suspects import shaken_doubt
 from hairfit.io.mesh import save_mesh
 from hairfit.io.strands import load_strands, save_strands
 from hairfit.io.tree import load_tree
@@ -72,6 +74,7 @@ class FakeFit:
     def __init__(self):
         self.stop = None
         self.resumed = False
+        self.doubts = ()
 
     def __call__(self, capture, config, *, checkpoint, progress):
         stage = checkpoint / "stage.txt"
@@ -94,7 +97,7 @@ class FakeFit:
             maps=[found for _ in capture.views],
             views=tuple(capture.views),
             depths=[np.full(shape, np.inf) for _ in capture.views],
-            doubts=(),
+            doubts=self.doubts,
         )
 
 
@@ -205,6 +208,17 @@ def test_an_earlier_result_stays_until_the_new_one_is_done(fake, capture, tmp_pa
     fake.stop = None
     assert run("fit", capture, "--out", out, "--quiet", "--seed", 1) == 0
     assert json.loads((out / "report.json").read_text())["settings"]["seed"] == 1
+
+
+def test_a_doubtful_photograph_is_told_when_the_fit_is_done(
+    fake, capture, tmp_path, capsys
+):
+    fake.doubts = (shaken_doubt("01", Smear(angle=0.3, share=0.25)),)
+    assert run("fit", capture, "--out", tmp_path / "result") == 0
+    told = "hairfit: photograph '01' is shaken: 25.0 % of the hair seems to run as"
+    assert told in capsys.readouterr().err
+    assert run("fit", capture, "--out", tmp_path / "result", "--quiet") == 0
+    assert not capsys.readouterr().err
 
 
 def test_a_picture_without_a_camera_is_told(fake, capture, tmp_path, capsys):
