@@ -49,8 +49,8 @@ MOST_PLACES = 20_000  # that are asked for the exposures
 BESIDE = 0.001  # metres by which hair may lie beside a place
 SWEEPS = 8
 # Where masks are too wide, what is behind what was cut agrees: of the surface, so deep,
-# 0.2 times as much is to be cut as at first. Where maps are wrong, 0.6 times and more.
-CONVERGED = 0.4
+# 0.2 times as much is to be cut as at first. Where maps are wrong, 0.35 times and more.
+CONVERGED = 0.28
 FEWEST_CUT = 0.002  # of the hull; a sweep that cuts less is the last
 
 
