@@ -216,7 +216,8 @@ def test_a_doubtful_photograph_is_told_when_the_fit_is_done(
     fake.doubts = (shaken_doubt("01", Smear(angle=0.3, share=0.25)),)
     assert run("fit", capture, "--out", tmp_path / "result") == 0
     told = "hairfit: photograph '01' is shaken: 25.0 % of the hair seems to run as"
-    assert told in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert told in said and "17 degrees from level" in said
     assert run("fit", capture, "--out", tmp_path / "result", "--quiet") == 0
     assert not capsys.readouterr().err
 

@@ -6,6 +6,7 @@ A photograph is accused only where it stands out from the others and, for a came
 a mirror, where the repair mends what is wrong.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
@@ -259,9 +260,9 @@ def shaken_doubt(name: str, smear: Smear) -> Doubt:
     """Return the doubt about a picture that is smeared."""
     sentence = (
         f"photograph '{name}' is shaken: {percent(smear.share)} of the hair seems to "
-        "run as the picture is smeared, across what a smaller one shows. The fit took "
-        "directions of hair from the smaller one; take the photograph again with a "
-        "shorter exposure."
+        f"run as the picture is smeared, {math.degrees(smear.angle):.0f} degrees from "
+        "level, across what a smaller one shows. The fit took directions of hair from "
+        "the smaller one; take the photograph again with a shorter exposure."
     )
     return Doubt(name, "shaken", smear.share, "share", sentence, "look smaller")
 
