@@ -91,15 +91,13 @@ def shaken(view: View, pixels: float = SHAKE, angle: float = ACROSS) -> View:
         angle: Angle of the line, from +x towards +y (down), in radians.
     """
     half = int(np.ceil(0.5 * pixels)) + 1
-    kernel = np.zeros((2 * half + 1, 2 * half + 1))
-    for along in np.linspace(-0.5 * pixels, 0.5 * pixels, 200):
-        place = [[half + along * np.sin(angle)], [half + along * np.cos(angle)]]
-        corner = np.floor(place).astype(int).ravel()
-        y, x = np.ravel(place) - corner
-        weights = np.outer([1.0 - y, y], [1.0 - x, x])
-        kernel[corner[0] : corner[0] + 2, corner[1] : corner[1] + 2] += weights
+    dot = np.zeros((2 * half + 1, 2 * half + 1))
+    dot[half, half] = 1.0
+    way = np.sin(angle), np.cos(angle)
+    steps = np.multiply.outer(np.linspace(-0.5 * pixels, 0.5 * pixels, 200), way)
+    kernel = np.mean([ndimage.shift(dot, step, order=1) for step in steps], axis=0)
     image = [
-        ndimage.convolve(np.asarray(channel, np.float64), kernel / kernel.sum())
+        ndimage.convolve(np.asarray(channel, np.float64), kernel)
         for channel in np.moveaxis(view.image, 2, 0)
     ]
     image = np.maximum(np.stack(image, axis=2), 0.0)

@@ -58,14 +58,7 @@ def main() -> None:
         if given.spoil >= 0:
             try_corruptions(name, capture, truth, config, given.spoil, clean)
         for pixels in given.shake:
-            bad = tuple(all_shaken(capture.views, pixels))
-            fitted, _ = timed_fit(dataclasses.replace(capture, views=bad), config)
-            f, named = f_of(fitted.strands, truth), len(fitted.doubts)
-            print(
-                f"{name}, all shaken by {pixels:g} pixels: F {f:.1f}, {clean - f:.1f} "
-                f"lost, {named} named",
-                flush=True,
-            )
+            try_shaken(name, capture, truth, config, pixels, clean)
 
 
 def try_seeds(
@@ -129,6 +122,25 @@ def try_corruptions(
             f"{'named' if right else 'MISSED'}: {', '.join(said) or 'nothing'} |",
             flush=True,
         )
+
+
+def try_shaken(
+    name: str,
+    capture: Capture,
+    truth: Strands,
+    config: FitConfig,
+    pixels: float,
+    clean: float,
+) -> None:
+    """Print what is lost when all views are shaken, and how many the fit names."""
+    bad = tuple(all_shaken(capture.views, pixels))
+    fitted, _ = timed_fit(dataclasses.replace(capture, views=bad), config)
+    f, named = f_of(fitted.strands, truth), len(fitted.doubts)
+    print(
+        f"{name}, all shaken by {pixels:g} pixels: F {f:.1f}, {clean - f:.1f} lost, "
+        f"{named} named",
+        flush=True,
+    )
 
 
 def timed_fit(

@@ -117,12 +117,8 @@ def estimate_orientation(
         half = mean_votes(enlarged(texture), inner)
         found = surer_lines(found, half, texture.known)
     line, spread = (one[: inside.shape[0], : inside.shape[1]] for one in found)
-    turn = angle_of_line(line[..., 0], line[..., 1])
-    angle[box] = np.where(inside, turn, 0)
-    sigma[box] = np.where(inside, spread, SIGMA_BLIND)
-    # What is no better than a guess says nothing, not little.
-    trust = np.where(spread < SIGMA_BLIND, (SIGMA_SURE / spread) ** 2, 0)
-    confidence[box] = np.where(inside, np.minimum(trust, 1), 0)
+    inner = map_of_lines(Lines(line, spread), inside)
+    angle[box], confidence[box], sigma[box] = inner.angle, inner.confidence, inner.sigma
     return OrientationMap(angle, confidence, sigma)
 
 
@@ -216,6 +212,21 @@ class Lines(NamedTuple):
 
     line: Float32[np.ndarray, "rows columns 2"]
     spread: Float32[np.ndarray, "rows columns"]
+
+
+def map_of_lines(
+    found: Lines, hair: Bool[np.ndarray, "rows columns"]
+) -> OrientationMap:
+    """Return the map of hair that runs along lines, which says nothing elsewhere."""
+    line, spread = found
+    turn = angle_of_line(line[..., 0], line[..., 1])
+    # What is no better than a guess says nothing, not little.
+    trust = np.where(spread < SIGMA_BLIND, (SIGMA_SURE / spread) ** 2, 0)
+    return OrientationMap(
+        np.where(hair, turn, np.float32(0)),
+        np.where(hair, np.minimum(trust, 1), 0).astype(np.float32),
+        np.where(hair, spread, np.float32(SIGMA_BLIND)),
+    )
 
 
 class Texture(NamedTuple):

@@ -15,12 +15,12 @@ from jaxtyping import Bool, Shaped
 
 from .orientation import (
     SIGMA_BLIND,
-    SIGMA_SURE,
+    Lines,
     OrientationMap,
-    angle_of_line,
     bounding_box,
     estimate_orientation,
     line_angle,
+    map_of_lines,
 )
 
 # Of the hair's longer side, the small picture has a third of the pixels, but so many.
@@ -125,9 +125,5 @@ def smaller_orientation(
     trust, turn = found.confidence, 2.0 * found.angle
     line = np.stack([trust * np.cos(turn), trust * np.sin(turn)], axis=2)
     line = resized(line, full, cv2.INTER_LINEAR)
-    angle = np.where(hair, angle_of_line(line[..., 0], line[..., 1]), 0.0)
-    sigma = SMALL_CHANCE * resized(found.sigma, full, cv2.INTER_LINEAR)
-    sigma = np.where(hair, np.minimum(sigma, SIGMA_BLIND), SIGMA_BLIND)
-    trust = np.where(sigma < SIGMA_BLIND, (SIGMA_SURE / sigma) ** 2, 0.0)
-    trust = np.where(hair, np.minimum(trust, 1.0), 0.0)
-    return OrientationMap(*(one.astype(np.float32) for one in (angle, trust, sigma)))
+    spread = SMALL_CHANCE * resized(found.sigma, full, cv2.INTER_LINEAR)
+    return map_of_lines(Lines(line, np.minimum(spread, np.float32(SIGMA_BLIND))), hair)

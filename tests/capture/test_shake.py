@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from hairfit.capture.orientation import SIGMA_BLIND, estimate_orientation
+from hairfit.capture.orientation import SIGMA_BLIND, estimate_orientation, line_angle
 from hairfit.capture.shake import steady_orientation
 
 SIZE = 360
@@ -34,8 +34,9 @@ def shaken(image, pixels, angle):
 
 
 def off(found, angle):
-    away = np.abs(found.angle - angle) % np.pi
-    return np.degrees(np.minimum(away, np.pi - away))[20:-20, 20:-20]
+    return np.degrees(line_angle(found.angle, np.full(HAIR.shape, angle)))[
+        20:-20, 20:-20
+    ]
 
 
 @pytest.mark.parametrize("degrees", [20.0, 110.0, 165.0])
@@ -50,8 +51,8 @@ def test_hair_of_a_shaken_photograph_runs_as_it_did(degrees, pixels):
     steady = steady_orientation(image, HAIR)
     assert np.median(off(steady.found, hair)) < 3.0
     assert steady.smear is not None and steady.smear.share > 0.5
-    apart = abs(steady.smear.angle - smear) % np.pi
-    assert np.degrees(min(apart, np.pi - apart)) < 5.0
+    apart = line_angle(np.array([steady.smear.angle]), np.array([smear]))
+    assert np.degrees(apart[0]) < 5.0
 
 
 def test_the_map_of_a_sharp_photograph_stays_as_it_is():
@@ -79,7 +80,7 @@ def test_turns_of_curls_are_no_smear():
     small = cv2.resize(image, (SIZE // 3, SIZE // 3), interpolation=cv2.INTER_AREA)
     coarse = estimate_orientation(small, HAIR[: SIZE // 3, : SIZE // 3])
     wide = np.kron(coarse.angle, np.ones((3, 3)))
-    gap = np.abs((wide - steady.found.angle + 0.5 * np.pi) % np.pi - 0.5 * np.pi)
+    gap = line_angle(wide, steady.found.angle)
     assert (gap > np.radians(25.0)).mean() > 0.1  # the smaller picture sees other lines
 
 
