@@ -10,9 +10,12 @@ from hairfit.capture import load_capture
 from hairfit.capture.orientation import OrientationMap, estimate_orientation
 from hairfit.evaluate.curls import find_curls, median_of
 from hairfit.fit.curls import (
+    FRIZZY,
     SURE,
     UNSEEN,
+    is_frizzy,
     mean_confidence,
+    own_swing,
     points_for,
     see_curls,
     see_locks,
@@ -304,6 +307,16 @@ def unsteady(far):
     off = ndimage.gaussian_filter(rng.normal(size=(512, 512)), (8.0, 24.0))
     x = np.arange(512) + far * off / off.std()
     return 0.3 + 0.1 * np.sin(2.0 * np.pi * x / 14)
+
+
+def test_hair_that_swings_far_in_some_places_only_does_not_curl():
+    wild, calm = unsteady(20.0), unsteady(0.0)
+    for share, expected in ((0.65, False), (1.0, True)):
+        grey = np.where(np.arange(512)[:, None] < share * 512, wild, calm)
+        views, maps = photographed(grey)
+        pixels = pixel_sizes(HULL, views)
+        assert own_swing(views, maps, pixels) > FRIZZY
+        assert is_frizzy(views, maps, pixels) == expected
 
 
 def test_hair_that_swings_and_repeats_nowhere_curls_finely():
