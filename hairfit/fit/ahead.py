@@ -118,7 +118,7 @@ def compile_growth(guides: int, others: Sequence[int]) -> None:
 
 def compile_paths(shape: tuple[int, int, int], config: GrowConfig) -> None:
     """Grow along nothing, on a grid of this shape."""
-    space = Space(zeros(*shape, 8), zeros(*shape, 8), zeros(3), zeros())
+    space = Space(zeros(*shape, 8), zeros(*shape, 9), zeros(3), zeros())
     trace(space, zeros(AT_ONCE, 3), zeros(AT_ONCE, 3), config)
 
 

@@ -6,7 +6,6 @@ structure tensor is diffused: it has no sign, so neither has its mean.
 """
 
 from collections.abc import Sequence
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -21,8 +20,9 @@ from ..capture.orientation import OrientationMap
 from ..host import on_device
 from ..render.raster import cells, project_points
 from .grid import nearest_in, neighbours, uphill
-from .hull import Hull, Walls, first_hit, walls_of
-from .stubble import find_stubble
+from .hull import Hull, Walls, first_hit, pixel_sizes, walls_of
+from .shorn import KINDS, enough, find_shorn, streaks_at
+from .stubble import find_stubble, thin_hair
 
 DEPTH_SCALE = 0.006  # metres behind the hull's surface where a photograph fades
 SURFACE_WEIGHT = 0.1  # of "hair lies in the surface", against one sharp photograph
@@ -39,11 +39,13 @@ class Evidence(NamedTuple):
         direction: Unit direction without sign.
         weight: How much the photographs say; 0 where none looks, 1 a sharp view.
         stubble: Which voxels hold stubble; None for none.
+        shorn: Which voxels hold shorn hair that lies; None for none.
     """
 
     direction: Float[np.ndarray, "voxels 3"]
     weight: Float[np.ndarray, " voxels"]
     stubble: Bool[np.ndarray, " voxels"] | None = None
+    shorn: Bool[np.ndarray, " voxels"] | None = None
 
 
 class Field(NamedTuple):
@@ -53,11 +55,13 @@ class Field(NamedTuple):
         direction: Unit direction.
         anisotropy: How sure it is, from 0 (any direction) to 1 (one direction).
         stubble: Where stubble ends; None for nowhere.
+        shorn: Where shorn hair lies; None for nowhere.
     """
 
     direction: Float[np.ndarray, "x y z 3"]
     anisotropy: Float[np.ndarray, "x y z"]
     stubble: Bool[np.ndarray, "x y z"] | None = None
+    shorn: Bool[np.ndarray, "x y z"] | None = None
 
 
 def gather(
@@ -82,11 +86,20 @@ def gather(
     points = hull.grid.centres(hull.hair)
     entries = np.zeros((len(points), 6))
     total, looks = np.zeros(len(points)), np.zeros(len(points))
-    told = abreast(partial(find_planes, walls_of(hull), points), views, maps, depths)
-    for weighted, seen, confidence, _ in told:
+    walls, thin = walls_of(hull), thin_hair(hull)
+    asked, streaks = enough(hull, thin), np.zeros((len(points), KINDS))
+
+    def tell(view, found, depth, pixel):
+        planes = find_planes(walls, points, view, found, depth)
+        sight = planes.seen, planes.at
+        return planes, streaks_at(hull, view, found, pixel, *sight) if asked else 0.0
+
+    told = abreast(tell, views, maps, depths, pixel_sizes(hull, views))
+    for (weighted, seen, confidence, _), run in told:
         entries += weighted
         total += seen * confidence
         looks += seen
+        streaks += run
     planes = full_matrix(entries)
     stands, upright = find_stubble(hull, planes, total, looks, len(views))
     surface = _surface_normal(hull)
@@ -97,7 +110,7 @@ def gather(
     direction, weight = vectors[:, :, 0], total * np.clip(gap, 0.0, 1.0)
     direction[stands] = upright
     weight[stands] = np.maximum(weight[stands], 1.0)
-    return Evidence(direction, weight, stands)
+    return Evidence(direction, weight, stands, find_shorn(hull, thin, streaks))
 
 
 class Planes(NamedTuple):
@@ -195,11 +208,16 @@ def diffuse(hull: Hull, evidence: Evidence, guesses: Sequence[Evidence] = ()) ->
     anisotropy = np.zeros(hull.grid.shape)
     direction[hull.hair] = vectors[:, :, 2]
     anisotropy[hull.hair] = np.clip(sure, 0.0, 1.0)
-    stubble = np.zeros(hull.grid.shape, bool)
-    if evidence.stubble is not None:
-        stubble[hull.hair] = evidence.stubble
     nearest = nearest_in(hull.hair)
-    return Field(direction[nearest], anisotropy[nearest], stubble[nearest])
+
+    def spread(voxels: Bool[np.ndarray, " voxels"] | None) -> Bool[np.ndarray, "x y z"]:
+        everywhere = np.zeros(hull.grid.shape, bool)
+        if voxels is not None:
+            everywhere[hull.hair] = voxels
+        return everywhere[nearest]
+
+    ends = spread(evidence.stubble), spread(evidence.shorn)
+    return Field(direction[nearest], anisotropy[nearest], *ends)
 
 
 def matrix_entries(d: Float[np.ndarray, "voxels 3"]) -> Float[np.ndarray, "voxels 6"]:

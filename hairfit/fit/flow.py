@@ -32,6 +32,7 @@ from .evidence import Evidence, Field, diffuse, gather
 from .grid import nearest_in, neighbours
 from .hull import Hull
 from .sense import growth_sense
+from .shorn import LENGTH
 from .tails import find_tails, pull_of
 
 # How sharply hair runs along the direction: the exponent of the cosine between the
@@ -96,6 +97,9 @@ def hair_flow(
     short = np.zeros(len(away))
     if field.stubble is not None:
         short[field.stubble[hull.hair]] = 1.0
+    if field.shorn is not None:
+        lies = field.shorn[hull.hair]
+        short[lies] = np.maximum(short[lies], (hull.grid.spacing / LENGTH) ** 2)
     spread = _unit_flow(links, away, short, hull.grid.spacing)
     direction = field.direction[hull.hair]
     along = (spread * direction).sum(axis=1)

@@ -15,6 +15,7 @@ from ..types import resample_paths
 from .evidence import Field
 from .grid import corners, trilinear, trilinear_many, uphill
 from .hull import Hull
+from .shorn import LENGTH
 
 # Of the scalp's normal in a strand's first direction, against the flow's.
 LIFT = 0.2
@@ -22,7 +23,7 @@ AT_ONCE = 512  # strands that are traced together
 # A strand that has come no farther than this share of so many metres runs in circles.
 CIRCLE, ROUND = 0.06, 0.35
 # Of the channels of `Space.lines`, which of them turn where the flow does.
-BACKWARDS = np.array([1, 1, 1, 1, -1, -1, -1, 1], np.float32)
+BACKWARDS = np.array([1, 1, 1, 1, -1, -1, -1, 1, 1], np.float32)
 NEVER = 2.0  # no cosine is as large
 RIM = 0.015  # of curly hair, see `GrowConfig.rim`, in metres
 
@@ -40,6 +41,8 @@ class GrowConfig:
     """Cosine to the hull's normal from which leaving it is an end, no grazing."""
     steepest_stubble: float = 0.3
     """The same, where stubble ends."""
+    shorn: float = LENGTH
+    """How far a strand runs through shorn hair."""
     stiffness: float = 0.3
     """Share of the last direction that a strand keeps where the field is sure."""
     spread: float = 0.15
@@ -65,14 +68,14 @@ class Space(NamedTuple):
 
     Attributes:
         channels: Distance to the hull's border and its uphill, and to the head and its.
-        lines: Direction of the field, its anisotropy, the flow, and whether there is
-            stubble.
+        lines: Direction of the field, its anisotropy, the flow, and whether there are
+            stubble and shorn hair.
         origin: Of the grid, in metres.
         spacing: Of the grid, in metres.
     """
 
     channels: Float[Array, "x y z 8"]
-    lines: Float[Array, "x y z 8"]
+    lines: Float[Array, "x y z 9"]
     origin: Float[Array, " 3"]
     spacing: Float[Array, ""]
 
@@ -85,6 +88,8 @@ class _State(NamedTuple):
     point: Float[Array, "strands 3"]
     heading: Float[Array, "strands 3"]
     alive: Bool[Array, " strands"]
+    gone: Float[Array, " strands"]
+    rooted: Float[Array, " strands"]
 
 
 def space_of(hull: Hull, field: Field, flow: Float[np.ndarray, "x y z 3"]) -> Space:
@@ -102,7 +107,9 @@ def space_of(hull: Hull, field: Field, flow: Float[np.ndarray, "x y z 3"]) -> Sp
         [distance[..., None], uphill(distance), head[..., None], uphill(head)], axis=-1
     )
     stubble = np.zeros(hull.grid.shape) if field.stubble is None else field.stubble
-    parts = [field.direction, field.anisotropy[..., None], flow, stubble[..., None]]
+    shorn = np.zeros(hull.grid.shape) if field.shorn is None else field.shorn
+    ends = np.stack([stubble, shorn], axis=-1)
+    parts = [field.direction, field.anisotropy[..., None], flow, ends]
     lines = np.concatenate(parts, axis=-1)
     given = channels, lines, hull.grid.origin, hull.grid.spacing
     return Space(*(on_device(one, jnp.float32) for one in given))
@@ -191,10 +198,11 @@ def trace(
         across = flow - (flow @ ahead) * ahead
         keep = config.stiffness + 0.5 * (1.0 - jnp.sum(sure))
         steepest = jnp.where(weight @ near[:, 7] > 0.5, stubble, config.steepest)
-        return unit(mean + config.spread * across + keep * last, last), steepest
+        ahead = unit(mean + config.spread * across + keep * last, last)
+        return ahead, steepest, weight @ near[:, 8]
 
-    def one(point, last, alive):
-        ahead, steepest = heading(point, last)
+    def one(point, last, alive, gone, rooted):
+        ahead, steepest, shorn = heading(point, last)
         goal = point + config.step * ahead
         here = trilinear(channels, origin, spacing, goal)
         goal = goal + jnp.maximum(config.clearance - here[4], 0.0) * here[5:8]
@@ -208,11 +216,15 @@ def trace(
         goal = goal - jnp.where(leaves, here[0] + rim, 0.0) * here[1:4]
         move = goal - point
         ends = ends | (move @ last < 0.3 * config.step)
+        gone = gone + jnp.maximum(shorn, rooted) * config.step
+        ends = ends | (gone > config.shorn)
         alive = alive & ~ends
         return _State(
             jnp.where(alive, goal, point),
             jnp.where(alive, unit(move, last), last),
             alive,
+            gone,
+            rooted,
         )
 
     def advance(state, _):
@@ -222,7 +234,8 @@ def trace(
     start = roots + config.clearance * normals
     flow = trilinear_many(lines[..., 4:7], origin, spacing, start)
     first = jax.vmap(unit)(flow + LIFT * normals, normals)
-    state = _State(start, first, jnp.ones(len(roots), bool))
+    rooted = trilinear_many(lines[..., 8:], origin, spacing, start)[:, 0]
+    state = _State(start, first, jnp.ones(len(roots), bool), 0.0 * rooted, rooted)
     steps = int(config.longest / config.step)
     _, path = jax.lax.scan(advance, state, None, length=steps)
     return jnp.concatenate([start[None], path])

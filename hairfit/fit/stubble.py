@@ -46,6 +46,17 @@ class Stubble(NamedTuple):
     direction: Float[np.ndarray, "standing 3"]
 
 
+def thin_hair(hull: Hull) -> Bool[np.ndarray, " voxels"]:
+    """Return which voxels of hair have none near them but that close to the skin."""
+    spacing, height = hull.grid.spacing, hull.head[hull.hair]
+    high = hull.hair & (hull.head > SHORT)
+    away = np.full(len(height), np.inf)
+    if high.any():
+        away = spacing * np.asarray(ndimage.distance_transform_edt(~high))[hull.hair]
+    # What is at the skin may have high hair right above it.
+    return away > np.maximum(AROUND, SHORT - height + spacing)
+
+
 def find_stubble(
     hull: Hull,
     planes: Float[np.ndarray, "voxels 3 3"],
@@ -62,13 +73,7 @@ def find_stubble(
         looks: How many views see each voxel.
         count: How many views there are.
     """
-    spacing, height = hull.grid.spacing, hull.head[hull.hair]
-    high = hull.hair & (hull.head > SHORT)
-    away = np.full(len(height), np.inf)
-    if high.any():
-        away = spacing * np.asarray(ndimage.distance_transform_edt(~high))[hull.hair]
-    # What is at the skin may have high hair right above it.
-    short = away > np.maximum(AROUND, SHORT - height + spacing)
+    short, spacing = thin_hair(hull), hull.grid.spacing
     sigma = AROUND / spacing
 
     def around(values):

@@ -14,6 +14,7 @@ from hairfit.fit.grow import (
     space_of,
     steps_on,
 )
+from hairfit.fit.shorn import LENGTH
 
 CONFIG = GrowConfig()
 SPACING = 0.004
@@ -166,6 +167,30 @@ def test_stubble_ends_where_longer_hair_would_slide_along_the_hull():
     assert np.abs(np.hypot(tips[:, 0], tips[:, 2]) - 0.03).max() < SPACING
     across = np.sqrt(0.03**2 - ROOTS[:, 2] ** 2) - ROOTS[:, 0]
     assert (lengths(ends) < across / np.sin(0.5) + 2 * SPACING).all()
+
+
+def shorn_where(hull, inside):
+    """Return a field that runs down, of shorn hair where `inside` of heights says."""
+    height = hull.grid.centres(np.ones(hull.grid.shape, bool))[:, 1]
+    shorn = inside(height).reshape(hull.grid.shape)
+    return constant(hull, [0, -1, 0])._replace(shorn=shorn)
+
+
+def test_strands_run_through_shorn_hair_no_farther_than_it_is_long():
+    hull = tube()
+    field = shorn_where(hull, lambda y: y < -0.1)
+    strands = grow(space_of(hull, field, field.direction), ROOTS, DOWN, 40)
+    assert np.abs(strands[:, -1, 1] + 0.1 + LENGTH).max() < SPACING + CONFIG.step
+    field = shorn_where(hull, lambda y: (y < -0.1) & (y > -0.1 - 0.6 * LENGTH))
+    strands = grow(space_of(hull, field, field.direction), ROOTS, DOWN, 40)
+    assert (strands[:, -1, 1] < -0.19).all()
+
+
+def test_strands_that_grow_among_shorn_hair_are_shorn_wherever_they_lead():
+    hull = tube()
+    field = shorn_where(hull, lambda y: y > -0.028)
+    strands = grow(space_of(hull, field, field.direction), ROOTS, DOWN, 40)
+    assert np.abs(lengths(strands) - LENGTH).max() < SPACING + CONFIG.step
 
 
 def test_strands_end_where_they_leave_the_hull_steeply():

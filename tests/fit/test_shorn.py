@@ -1,0 +1,97 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from ball_hair import RADIUS, ball, hull_where, meridian, photograph, ring
+
+from hairfit.fit.evidence import gather
+from hairfit.fit.hull import hull_of
+from hairfit.fit.shorn import LEAST, find_shorn
+from hairfit.fit.stubble import thin_hair
+from hairfit.render import rasterise
+
+SPACING = 0.003
+
+
+def shell(height):
+    """Return the hull of hair up to a height above the ball, a function of points."""
+    size = RADIUS + 0.04
+
+    def skin(points):
+        return np.linalg.norm(points, axis=1) - RADIUS
+
+    def hair(points):
+        return (skin(points) > 0) & (skin(points) < height(points))
+
+    return hull_where(hair, [-size] * 3, [size] * 3, SPACING, skin)
+
+
+@pytest.fixture(scope="module")
+def shorn():
+    return shell(lambda points: np.where(points[:, 1] > 0.0, 0.008, 0.0))
+
+
+def sums(ends, rng):
+    """Return what is told of voxels, of some of which streaks end."""
+    far = np.where(ends, rng.normal(0.0, 0.05, len(ends)), 0.15)
+    return np.stack([np.full(len(ends), 0.3), far, np.ones(len(ends))], axis=1)
+
+
+def test_thin_hair_has_no_high_hair_beside_it():
+    fin = shell(lambda p: np.where(np.abs(p[:, 0]) < 0.02, 0.03, 0.008))
+    away = np.abs(fin.grid.centres(fin.hair)[:, 0]) - 0.02
+    thin = thin_hair(fin)
+    assert not thin[away < 0.0].any() and thin[away > 0.014].all()
+    assert thin[(away > 0.0) & (away < 0.003)].mean() < 0.5
+
+
+def test_hair_is_shorn_where_most_streaks_end(shorn):
+    rng = np.random.default_rng(0)
+    thin = thin_hair(shorn)
+    x = shorn.grid.centres(shorn.hair)[:, 0]
+    found = find_shorn(shorn, thin, sums(x < 0.05, rng))
+    # Places are as wide as a centimetre and more.
+    assert found[x < 0.035].mean() > 0.95 and found[x > 0.07].mean() < 0.05
+    assert not find_shorn(shorn, thin, sums(x < 0.03, rng)).any()
+
+
+def test_where_streaks_are_hardly_seen_nothing_is_shorn(shorn):
+    rng = np.random.default_rng(0)
+    thin = thin_hair(shorn)
+    told = sums(thin, rng)
+    assert find_shorn(shorn, thin, told)[thin].mean() > 0.95
+    assert not find_shorn(shorn, thin, 0.0 * told).any()
+    assert not find_shorn(shorn, thin, told * [0.1, 1.0, 1.0]).any()
+    assert not find_shorn(shorn, thin, told * 0.05).any()
+
+
+def test_a_little_shorn_hair_may_be_mistaken(shorn):
+    at = shorn.grid.centres(shorn.hair)
+    place = np.zeros_like(shorn.hair)
+    place[shorn.hair] = np.linalg.norm(at - [0.0, RADIUS, 0.0], axis=1) < 0.025
+    assert 0.0 < place.sum() * SPACING**3 < LEAST
+    little = hull_of(shorn.grid, place, shorn.head)
+    thin = thin_hair(little)
+    assert not find_shorn(little, thin, sums(thin, np.random.default_rng(0))).any()
+
+
+@pytest.mark.parametrize("length, expected", [(0.008, True), (0.09, False)])
+def test_photographs_tell_short_hair_that_lies_from_long(shorn, length, expected):
+    rng = np.random.default_rng(0)
+    count = round(80 / length)
+    start = np.arccos(rng.uniform(0.0, 1.0, count))
+    polar = start[:, None] + np.linspace(0.0, 1.0, 12) * length / RADIUS
+    azimuth = rng.uniform(0.0, 2.0 * np.pi, (count, 1))
+    strands = meridian(polar, azimuth, np.full(polar.shape, 0.004))
+    cameras, grey = ring(6, finer=5), rng.uniform(0.1, 0.6, count)
+    views, maps, depths = photograph(strands, cameras, ball(), radius_px=1.0)
+    seen = []
+    for view, depth in zip(views, depths, strict=True):
+        drawn = rasterise(strands, view.camera, mesh_depth=depth, radius_px=1.0)
+        image = np.repeat(grey[drawn.strand][..., None], 3, axis=2)
+        seen.append(dataclasses.replace(view, image=image))
+    told = gather(shorn, seen, maps, depths)
+    assert told.shorn is not None
+    # A ring of cameras does not see the crown's hair from the side.
+    side = shorn.grid.centres(shorn.hair)[:, 1] < 0.05
+    assert told.shorn[side].mean() > 0.9 if expected else not told.shorn.any()
