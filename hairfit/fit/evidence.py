@@ -21,7 +21,7 @@ from ..host import on_device
 from ..render.raster import cells, project_points
 from .grid import nearest_in, neighbours, uphill
 from .hull import Hull, Walls, first_hit, pixel_sizes, walls_of
-from .shorn import KINDS, enough, find_shorn, streaks_at
+from .shorn import KINDS, enough, find_shorn, streak_ends, streaks_at
 from .stubble import find_stubble, thin_hair
 
 DEPTH_SCALE = 0.006  # metres behind the hull's surface where a photograph fades
@@ -87,7 +87,7 @@ def gather(
     entries = np.zeros((len(points), 6))
     total, looks = np.zeros(len(points)), np.zeros(len(points))
     walls, thin = walls_of(hull), thin_hair(hull)
-    asked, streaks = enough(hull, thin), np.zeros((len(points), KINDS))
+    asked, runs = enough(hull, thin), np.zeros((len(points), KINDS))
 
     def tell(view, found, depth, pixel):
         planes = find_planes(walls, points, view, found, depth)
@@ -99,9 +99,12 @@ def gather(
         entries += weighted
         total += seen * confidence
         looks += seen
-        streaks += run
+        runs += run
     planes = full_matrix(entries)
+    streaks = streak_ends(hull, thin, runs)
     stands, upright = find_stubble(hull, planes, total, looks, len(views))
+    if not streaks.mostly(stands):
+        stands, upright = np.zeros_like(stands), upright[:0]
     surface = _surface_normal(hull)
     share = SURFACE_WEIGHT * np.minimum(total, 1.0)
     planes += share[:, None, None] * surface[:, :, None] * surface[:, None, :]
@@ -110,7 +113,7 @@ def gather(
     direction, weight = vectors[:, :, 0], total * np.clip(gap, 0.0, 1.0)
     direction[stands] = upright
     weight[stands] = np.maximum(weight[stands], 1.0)
-    return Evidence(direction, weight, stands, find_shorn(hull, thin, streaks))
+    return Evidence(direction, weight, stands, find_shorn(hull, streaks))
 
 
 class Planes(NamedTuple):

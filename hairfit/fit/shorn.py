@@ -7,6 +7,8 @@ that see a place are asked together, and as single places may be mistaken, nothi
 said unless most of a large piece of thin hair is shorn.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -19,14 +21,17 @@ from .hull import Hull
 
 AROUND = 0.010  # metres, the standard deviation of a place
 # Streaks whose far places are less alike than this share of their near ones end between
-# the two. Of shorn hair (8 to 20 mm) 89 to 100 % of the places have less, and 80 to 97 %
-# in noise of 6 % of white; of longer hair that lies as thin 53 and 59 % at most.
-ENDS, MOST = 0.2, 0.75
+# the two. Of shorn hair (8 to 20 mm) 80 to 100 % of places have less, of longer hair
+# that lies as thin 59 % at most.
+ENDS, MOST = 0.2, 0.7
 LEAST = 3e-5  # cubic metres of thin hair that must be told of
 FOLLOWED = (
     0.075  # share of the streaks that could be followed, where a place is told of
 )
 LEAST_NEAR = 0.05  # how alike near places are at least: noise is not
+# And half of the places: 0.12 and more as photographs are, 0.08 at most where noise of
+# 6 % of white leads streaks astray.
+SHARP = 0.1
 LENGTH = 0.015  # metres, of shorn hair that lies
 KINDS = 3  # of sums: see `streaks_at`
 
@@ -72,23 +77,43 @@ def streaks_at(
     return share[:, None] * np.stack([one[place] for one in streaks], axis=1)
 
 
-def find_shorn(
+class Ends(NamedTuple):
+    """Which voxels of hair are told of, and in which of all streaks end."""
+
+    told: Bool[np.ndarray, " voxels"]
+    ends: Bool[np.ndarray, " voxels"]
+
+    def mostly(self, voxels: Bool[np.ndarray, " voxels"]) -> bool:
+        """Return whether streaks end in most of these, as far as they are told of."""
+        told = self.told & voxels
+        return bool((self.ends & told).sum() >= MOST * told.sum())
+
+
+def streak_ends(
     hull: Hull,
     thin: Bool[np.ndarray, " voxels"],
     sums: Float[np.ndarray, "voxels 3"],
-) -> Bool[np.ndarray, " voxels"]:
-    """Return which voxels hold shorn hair.
+) -> Ends:
+    """Return where streaks end, as all photographs tell around a place.
 
     Args:
         hull: The hull.
-        thin: Which voxels of hair have none above them but that near the skin.
+        thin: Which voxels of hair have none near them but that close to the skin.
         sums: Of `streaks_at`, over all photographs.
     """
     sigma = AROUND / hull.grid.spacing
     near, far, count = (
         blurred(hull.hair, np.where(thin, one, 0.0), sigma)[hull.hair] for one in sums.T
     )
-    ends = thin & (near > LEAST_NEAR * count) & (far < ENDS * near)
-    told = thin & (near > LEAST_NEAR * count) & (count > FOLLOWED)
-    shorn = (ends & told).sum() > MOST * told.sum()
-    return ends if shorn and enough(hull, told) else np.zeros(len(thin), bool)
+    followed = thin & (count > FOLLOWED)
+    if (near > SHARP * count)[followed].sum() <= 0.5 * followed.sum():
+        nowhere = np.zeros(len(thin), bool)
+        return Ends(nowhere, nowhere)
+    sharp = thin & (near > LEAST_NEAR * count)
+    return Ends(sharp & followed, sharp & (far < ENDS * near))
+
+
+def find_shorn(hull: Hull, streaks: Ends) -> Bool[np.ndarray, " voxels"]:
+    """Return which voxels hold shorn hair, see `streak_ends`."""
+    shorn = enough(hull, streaks.told) and streaks.mostly(streaks.told)
+    return streaks.ends if shorn else np.zeros(len(streaks.ends), bool)

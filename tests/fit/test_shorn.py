@@ -6,7 +6,7 @@ from ball_hair import RADIUS, ball, hull_where, meridian, photograph, ring
 
 from hairfit.fit.evidence import gather
 from hairfit.fit.hull import hull_of
-from hairfit.fit.shorn import LEAST, find_shorn
+from hairfit.fit.shorn import LEAST, find_shorn, streak_ends
 from hairfit.fit.stubble import thin_hair
 from hairfit.render import rasterise
 
@@ -37,6 +37,10 @@ def sums(ends, rng):
     return np.stack([np.full(len(ends), 0.3), far, np.ones(len(ends))], axis=1)
 
 
+def shorn_in(hull, thin, told):
+    return find_shorn(hull, streak_ends(hull, thin, told))
+
+
 def test_thin_hair_has_no_high_hair_beside_it():
     fin = shell(lambda p: np.where(np.abs(p[:, 0]) < 0.02, 0.03, 0.008))
     away = np.abs(fin.grid.centres(fin.hair)[:, 0]) - 0.02
@@ -49,20 +53,20 @@ def test_hair_is_shorn_where_most_streaks_end(shorn):
     rng = np.random.default_rng(0)
     thin = thin_hair(shorn)
     x = shorn.grid.centres(shorn.hair)[:, 0]
-    found = find_shorn(shorn, thin, sums(x < 0.05, rng))
+    found = shorn_in(shorn, thin, sums(x < 0.05, rng))
     # Places are as wide as a centimetre and more.
     assert found[x < 0.035].mean() > 0.95 and found[x > 0.07].mean() < 0.05
-    assert not find_shorn(shorn, thin, sums(x < 0.03, rng)).any()
+    assert not shorn_in(shorn, thin, sums(x < 0.03, rng)).any()
 
 
 def test_where_streaks_are_hardly_seen_nothing_is_shorn(shorn):
     rng = np.random.default_rng(0)
     thin = thin_hair(shorn)
     told = sums(thin, rng)
-    assert find_shorn(shorn, thin, told)[thin].mean() > 0.95
-    assert not find_shorn(shorn, thin, 0.0 * told).any()
-    assert not find_shorn(shorn, thin, told * [0.1, 1.0, 1.0]).any()
-    assert not find_shorn(shorn, thin, told * 0.05).any()
+    assert shorn_in(shorn, thin, told)[thin].mean() > 0.95
+    assert not shorn_in(shorn, thin, 0.0 * told).any()
+    assert not shorn_in(shorn, thin, told * [0.1, 1.0, 1.0]).any()
+    assert not shorn_in(shorn, thin, told * 0.05).any()
 
 
 def test_a_little_shorn_hair_may_be_mistaken(shorn):
@@ -72,26 +76,41 @@ def test_a_little_shorn_hair_may_be_mistaken(shorn):
     assert 0.0 < place.sum() * SPACING**3 < LEAST
     little = hull_of(shorn.grid, place, shorn.head)
     thin = thin_hair(little)
-    assert not find_shorn(little, thin, sums(thin, np.random.default_rng(0))).any()
+    assert not shorn_in(little, thin, sums(thin, np.random.default_rng(0))).any()
 
 
-@pytest.mark.parametrize("length, expected", [(0.008, True), (0.09, False)])
-def test_photographs_tell_short_hair_that_lies_from_long(shorn, length, expected):
+def photographed(length, cameras):
+    """Return photographs of strands so long that run down the ball, some bright."""
     rng = np.random.default_rng(0)
     count = round(80 / length)
     start = np.arccos(rng.uniform(0.0, 1.0, count))
     polar = start[:, None] + np.linspace(0.0, 1.0, 12) * length / RADIUS
     azimuth = rng.uniform(0.0, 2.0 * np.pi, (count, 1))
     strands = meridian(polar, azimuth, np.full(polar.shape, 0.004))
-    cameras, grey = ring(6, finer=5), rng.uniform(0.1, 0.6, count)
+    grey = rng.uniform(0.1, 0.6, count)
     views, maps, depths = photograph(strands, cameras, ball(), radius_px=1.0)
     seen = []
     for view, depth in zip(views, depths, strict=True):
         drawn = rasterise(strands, view.camera, mesh_depth=depth, radius_px=1.0)
         image = np.repeat(grey[drawn.strand][..., None], 3, axis=2)
         seen.append(dataclasses.replace(view, image=image))
-    told = gather(shorn, seen, maps, depths)
+    return seen, maps, depths
+
+
+@pytest.mark.parametrize("length, expected", [(0.008, True), (0.09, False)])
+def test_photographs_tell_short_hair_that_lies_from_long(shorn, length, expected):
+    told = gather(shorn, *photographed(length, ring(6, finer=5)))
     assert told.shorn is not None
     # A ring of cameras does not see the crown's hair from the side.
     side = shorn.grid.centres(shorn.hair)[:, 1] < 0.05
     assert told.shorn[side].mean() > 0.9 if expected else not told.shorn.any()
+
+
+def test_where_streaks_go_on_there_is_no_stubble(shorn):
+    views, maps, depths = photographed(0.09, ring(3, finer=5))
+    faint = [dataclasses.replace(one, confidence=0.1 * one.confidence) for one in maps]
+    even = [dataclasses.replace(view, image=0.0 * view.image) for view in views]
+    # Each place is seen once, so that planes alone cannot tell.
+    without, told = (gather(shorn, seen, faint, depths) for seen in (even, views))
+    assert without.stubble is not None and without.stubble.mean() > 0.2
+    assert told.stubble is not None and not told.stubble.any()
