@@ -14,6 +14,7 @@ from hairfit.capture.orientation import estimate_orientation
 from hairfit.fit.consistency import carve_by_consistency
 from hairfit.fit.curls import see_curls
 from hairfit.fit.evidence import find_planes
+from hairfit.fit.grid import uphill
 from hairfit.fit.hull import Hull, pixel_sizes, walls_of
 from hairfit.fit.shorn import KINDS, Ends, streak_ends, streaks_at
 from hairfit.fit.shots import Shots
@@ -43,7 +44,7 @@ def main() -> None:
 
 def told_of(hull: Hull, shots: Shots, noise: float) -> Ends:
     """Return where streaks end, with so much noise in all photographs."""
-    thin, walls = thin_hair(hull), walls_of(hull)
+    thin, walls, skin = thin_hair(hull), walls_of(hull), uphill(hull.head)[hull.hair]
     points, sums = hull.grid.centres(hull.hair), np.zeros((len(thin), KINDS))
     rng, pixels = np.random.default_rng(0), pixel_sizes(hull, shots.views)
     for view, depth, pixel in zip(shots.views, shots.depths, pixels, strict=True):
@@ -52,7 +53,7 @@ def told_of(hull: Hull, shots: Shots, noise: float) -> Ends:
         noisy = dataclasses.replace(view, image=image)
         found = estimate_orientation(image, view.hair)
         planes = find_planes(walls, points, noisy, found, depth)
-        sums += streaks_at(hull, noisy, found, pixel, planes.seen, planes.at)
+        sums += streaks_at(points, skin, noisy, found, pixel, planes.seen, planes.at)
     return streak_ends(hull, thin, sums)
 
 

@@ -10,7 +10,7 @@ frequency plane, which for filters of this size is the fastest convolution.
 import math
 
 import numpy as np
-from jaxtyping import Complex64, Float, Float32
+from jaxtyping import Bool, Complex64, Float, Float32
 from scipy import fft
 
 
@@ -127,3 +127,14 @@ def gaussian_blur(
 
     size = 2 * math.ceil(3.5 * sigma) + 1
     return cv2.GaussianBlur(maps, (size, size), sigma, borderType=cv2.BORDER_CONSTANT)
+
+
+def mean_of_hair(
+    values: Float32[np.ndarray, "rows columns"],
+    hair: Bool[np.ndarray, "rows columns"],
+    sigma: float,
+) -> Float32[np.ndarray, "rows columns"]:
+    """Return the mean of the hair about each pixel, by a Gaussian of so many pixels."""
+    counts = hair.astype(np.float32)
+    sums = gaussian_blur(np.stack([values * counts, counts], axis=2), sigma)
+    return sums[..., 0] / np.maximum(sums[..., 1], np.float32(1e-3))

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Shaped
 
-from .filters import gaussian_blur
+from .filters import gaussian_blur, mean_of_hair
 
 # How far apart both places are, in metres: where all streaks go on, and where those of
 # shorn hair have ended.
@@ -69,7 +69,7 @@ def find_streaks(
     bright = cv2.resize(bright, size, interpolation=cv2.INTER_AREA)
     angle = cv2.resize(angle.astype(np.float32), size, interpolation=cv2.INTER_NEAREST)
     some = cv2.resize(hair.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
-    # Skin that shows between hairs is where streaks end, too.
+    # At gaps between hairs streaks would end.
     disk = cv2.getStructuringElement(
         cv2.MORPH_ELLIPSE, (2 * round(GAP / pixel) + 1,) * 2
     )
@@ -86,8 +86,8 @@ def find_streaks(
         near[start] += here * texture[places.near]
         far[start] += here * texture[places.far]
         count[start] += 0.5 * places.reached
-    blur = max(AROUND / pixel, 1.0)
-    return Streaks(*(STEP**2 * gaussian_blur(one, blur) for one in (near, far, count)))
+    sums, blur = (near, far, count), AROUND / pixel
+    return Streaks(*(STEP**2 * gaussian_blur(one, blur) for one in sums))
 
 
 class _Places(NamedTuple):
@@ -120,7 +120,7 @@ def _follow(
     reached = np.ones(len(place[0]), bool)
     last = np.array(hair.shape)[:, None] - 1
     found = []
-    steps = [max(1, round(lag)) for lag in lags]
+    steps = [round(lag) for lag in lags]
     for step in range(1, steps[1] + 1):
         onwards = line[:, *at]
         ahead = np.where((onwards * ahead).sum(axis=0) < 0.0, -onwards, onwards)
@@ -144,12 +144,7 @@ def _texture(
         hair: Which pixels are hair.
         pixel: Width of a pixel, in metres.
     """
-    counts = hair.astype(np.float32)
-
-    def mean(of: Float32[np.ndarray, "rows columns"], over: float) -> np.ndarray:
-        blur = over / pixel
-        total = np.maximum(gaussian_blur(counts, blur), 1e-4)
-        return gaussian_blur(counts * of, blur) / total
-
-    band = counts * (mean(values, max(FINEST, 0.6 * pixel)) - mean(values, WIDEST))
-    return band / (np.sqrt(mean(band**2, EVEN)) + np.float32(FAINTEST))
+    fine = mean_of_hair(values, hair, max(FINEST / pixel, 0.6))
+    band = np.where(hair, fine - mean_of_hair(values, hair, WIDEST / pixel), 0.0)
+    strength = np.sqrt(mean_of_hair(band**2, hair, EVEN / pixel))
+    return (band / (strength + FAINTEST)).astype(np.float32)

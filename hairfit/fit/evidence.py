@@ -21,8 +21,8 @@ from ..host import on_device
 from ..render.raster import cells, project_points
 from .grid import nearest_in, neighbours, uphill
 from .hull import Hull, Walls, first_hit, pixel_sizes, walls_of
-from .shorn import KINDS, enough, find_shorn, streak_ends, streaks_at
-from .stubble import find_stubble, thin_hair
+from .shorn import KINDS, find_shorn, streak_ends, streaks_at
+from .stubble import enough, find_stubble, thin_hair
 
 DEPTH_SCALE = 0.006  # metres behind the hull's surface where a photograph fades
 SURFACE_WEIGHT = 0.1  # of "hair lies in the surface", against one sharp photograph
@@ -88,11 +88,14 @@ def gather(
     total, looks = np.zeros(len(points)), np.zeros(len(points))
     walls, thin = walls_of(hull), thin_hair(hull)
     asked, runs = enough(hull, thin), np.zeros((len(points), KINDS))
+    outwards = uphill(hull.head)[hull.hair]
 
     def tell(view, found, depth, pixel):
         planes = find_planes(walls, points, view, found, depth)
-        sight = planes.seen, planes.at
-        return planes, streaks_at(hull, view, found, pixel, *sight) if asked else 0.0
+        if not asked:
+            return planes, 0.0
+        seen = view, found, pixel, planes.seen, planes.at
+        return planes, streaks_at(points, outwards, *seen)
 
     told = abreast(tell, views, maps, depths, pixel_sizes(hull, views))
     for (weighted, seen, confidence, _), run in told:
@@ -102,7 +105,7 @@ def gather(
         runs += run
     planes = full_matrix(entries)
     streaks = streak_ends(hull, thin, runs)
-    stands, upright = find_stubble(hull, planes, total, looks, len(views))
+    stands, upright = find_stubble(hull, thin, planes, total, looks, len(views))
     if not streaks.mostly(stands):
         stands, upright = np.zeros_like(stands), upright[:0]
     surface = _surface_normal(hull)

@@ -89,7 +89,6 @@ class _State(NamedTuple):
     heading: Float[Array, "strands 3"]
     alive: Bool[Array, " strands"]
     gone: Float[Array, " strands"]
-    rooted: Float[Array, " strands"]
 
 
 def space_of(hull: Hull, field: Field, flow: Float[np.ndarray, "x y z 3"]) -> Space:
@@ -106,9 +105,8 @@ def space_of(hull: Hull, field: Field, flow: Float[np.ndarray, "x y z 3"]) -> Sp
     channels = np.concatenate(
         [distance[..., None], uphill(distance), head[..., None], uphill(head)], axis=-1
     )
-    stubble = np.zeros(hull.grid.shape) if field.stubble is None else field.stubble
-    shorn = np.zeros(hull.grid.shape) if field.shorn is None else field.shorn
-    ends = np.stack([stubble, shorn], axis=-1)
+    nowhere, ends = np.zeros(hull.grid.shape), (field.stubble, field.shorn)
+    ends = np.stack([nowhere if one is None else one for one in ends], axis=-1)
     parts = [field.direction, field.anisotropy[..., None], flow, ends]
     lines = np.concatenate(parts, axis=-1)
     given = channels, lines, hull.grid.origin, hull.grid.spacing
@@ -201,7 +199,7 @@ def trace(
         ahead = unit(mean + config.spread * across + keep * last, last)
         return ahead, steepest, weight @ near[:, 8]
 
-    def one(point, last, alive, gone, rooted):
+    def one(rooted, point, last, alive, gone):
         ahead, steepest, shorn = heading(point, last)
         goal = point + config.step * ahead
         here = trilinear(channels, origin, spacing, goal)
@@ -224,18 +222,17 @@ def trace(
             jnp.where(alive, unit(move, last), last),
             alive,
             gone,
-            rooted,
         )
 
     def advance(state, _):
-        state = jax.vmap(one)(*state)
+        state = jax.vmap(one)(rooted, *state)
         return state, state.point
 
     start = roots + config.clearance * normals
     flow = trilinear_many(lines[..., 4:7], origin, spacing, start)
     first = jax.vmap(unit)(flow + LIFT * normals, normals)
     rooted = trilinear_many(lines[..., 8:], origin, spacing, start)[:, 0]
-    state = _State(start, first, jnp.ones(len(roots), bool), 0.0 * rooted, rooted)
+    state = _State(start, first, jnp.ones(len(roots), bool), 0.0 * rooted)
     steps = int(config.longest / config.step)
     _, path = jax.lax.scan(advance, state, None, length=steps)
     return jnp.concatenate([start[None], path])

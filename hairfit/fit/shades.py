@@ -13,7 +13,7 @@ from jaxtyping import Float, Float32
 
 from ..abreast import abreast
 from ..capture.capture import View
-from ..capture.filters import gaussian_blur
+from ..capture.filters import mean_of_hair
 from .evidence import Planes
 from .hull import Hull, pixel_sizes
 
@@ -51,16 +51,16 @@ def find_shades(
     """
     blurs = [BLUR / pixel for pixel in pixel_sizes(hull, views)]
     light = [light_of(view) for view in views]
-    means = abreast(mean_of_hair, light, views, blurs)
+    means = abreast(mean_of_hair, light, [view.hair for view in views], blurs)
     levels = [mean[look.at] for mean, look in zip(means, looks, strict=True)]
     exposure = exposures(np.stack(levels), np.stack([look.seen for look in looks]))
     light = [one - np.float32(e) for one, e in zip(light, exposure, strict=True)]
     lit = np.float32(np.quantile(of_hair(light, views), LIT))
 
     def shade_of(one, view, blur):
-        level = mean_of_hair(np.minimum(one, lit), view, blur)
+        level = mean_of_hair(np.minimum(one, lit), view.hair, blur)
         mean, square = (
-            mean_of_hair(moment, view, blur * AROUND / BLUR)
+            mean_of_hair(moment, view.hair, blur * AROUND / BLUR)
             for moment in (level, level**2)
         )
         return Shade(level, np.maximum(square - mean**2, 0.0))
@@ -85,15 +85,6 @@ def of_hair(
     return np.concatenate(
         [one[view.hair] for one, view in zip(maps, views, strict=True)]
     )
-
-
-def mean_of_hair(
-    values: Float32[np.ndarray, "height width"], view: View, sigma: float
-) -> Float32[np.ndarray, "height width"]:
-    """Return the mean of the hair about each pixel, by a Gaussian of so many pixels."""
-    hair = view.hair.astype(np.float32)
-    sums = gaussian_blur(np.stack([values * hair, hair], axis=2), sigma)
-    return sums[..., 0] / np.maximum(sums[..., 1], np.float32(1e-3))
 
 
 def exposures(

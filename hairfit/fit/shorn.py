@@ -16,15 +16,15 @@ from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..capture.streaks import find_streaks
 from ..render.raster import unit
-from .grid import blurred, uphill
+from .grid import blurred
 from .hull import Hull
+from .stubble import enough
 
 AROUND = 0.010  # metres, the standard deviation of a place
 # Streaks whose far places are less alike than this share of their near ones end between
 # the two. Of shorn hair (8 to 20 mm) 80 to 100 % of places have less, of longer hair
 # that lies as thin 59 % at most.
 ENDS, MOST = 0.2, 0.7
-LEAST = 3e-5  # cubic metres of thin hair that must be told of
 FOLLOWED = 0.075  # share of the streaks that must be followed where a place is told of
 LEAST_NEAR = 0.05  # how alike near places are at least: noise is not
 # And half of the places: most heads have 0.12 to 0.44, where noise of 6 % of white
@@ -34,13 +34,9 @@ LENGTH = 0.015  # metres, of shorn hair that lies
 KINDS = 3  # of sums: see `streaks_at`
 
 
-def enough(hull: Hull, voxels: Bool[np.ndarray, " voxels"]) -> bool:
-    """Return whether so much hair is more than a few places that may be mistaken."""
-    return float(voxels.sum()) * hull.grid.spacing**3 >= LEAST
-
-
 def streaks_at(
-    hull: Hull,
+    points: Float[np.ndarray, "voxels 3"],
+    outwards: Float[np.ndarray, "voxels 3"],
     view: View,
     found: OrientationMap,
     pixel: float,
@@ -50,7 +46,8 @@ def streaks_at(
     """Return what one photograph tells of the streaks in every voxel of hair.
 
     Args:
-        hull: The hull.
+        points: Centres of the voxels, in metres.
+        outwards: Unit normals of the skin below them.
         view: The photograph.
         found: Its orientation map.
         pixel: Width of a pixel at the hair, in metres.
@@ -68,8 +65,7 @@ def streaks_at(
     rows, columns = streaks.count.shape
     place = y * rows // view.camera.height, x * columns // view.camera.width
     eye = np.asarray(view.camera.centre, np.float64)
-    towards = unit(eye - hull.grid.centres(hull.hair))
-    facing = (towards * uphill(hull.head)[hull.hair]).sum(axis=1)
+    facing = (unit(eye - points) * outwards).sum(axis=1)
     share = seen * np.maximum(facing, 0.0) ** 2
     return share[:, None] * np.stack([one[place] for one in streaks], axis=1)
 

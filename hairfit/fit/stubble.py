@@ -46,6 +46,11 @@ class Stubble(NamedTuple):
     direction: Float[np.ndarray, "standing 3"]
 
 
+def enough(hull: Hull, voxels: Bool[np.ndarray, " _"]) -> bool:
+    """Return whether so much hair is more than a few places that may be mistaken."""
+    return float(voxels.sum()) * hull.grid.spacing**3 >= SHAVED
+
+
 def thin_hair(hull: Hull) -> Bool[np.ndarray, " voxels"]:
     """Return which voxels of hair have none near them but that close to the skin."""
     spacing, height = hull.grid.spacing, hull.head[hull.hair]
@@ -59,6 +64,7 @@ def thin_hair(hull: Hull) -> Bool[np.ndarray, " voxels"]:
 
 def find_stubble(
     hull: Hull,
+    thin: Bool[np.ndarray, " voxels"],
     planes: Float[np.ndarray, "voxels 3 3"],
     total: Float[np.ndarray, " voxels"],
     looks: Float[np.ndarray, " voxels"],
@@ -68,20 +74,20 @@ def find_stubble(
 
     Args:
         hull: The hull.
+        thin: Which voxels of hair `thin_hair` finds.
         planes: $\sum w\,n n^T$ of the views' planes in every voxel of hair.
         total: $\sum w$.
         looks: How many views see each voxel.
         count: How many views there are.
     """
-    short, spacing = thin_hair(hull), hull.grid.spacing
-    sigma = AROUND / spacing
+    sigma = AROUND / hull.grid.spacing
 
     def around(values):
-        return blurred(hull.hair, np.where(short, values, 0.0), sigma)[hull.hair]
+        return blurred(hull.hair, np.where(thin, values, 0.0), sigma)[hull.hair]
 
     normal = uphill(hull.head)[hull.hair]
     missed = np.einsum("vi,vij,vj->v", normal, planes, normal)
-    stands = short & (around(missed) < STANDING * around(total))
+    stands = thin & (around(missed) < STANDING * around(total))
     looked, places = around(looks), around(1.0)
     stands &= looked > min(LOOKED_AT, LEAST_SHARE * count) * places
     if not stands.any():
@@ -99,7 +105,7 @@ def find_stubble(
     size = size[:, 0, 0]
     faint = size < FAINT * looked[stands]
     told |= faint & (np.linalg.eigvalsh(mean)[:, 1] < ONE_PLANE * size)
-    if told.sum() * spacing**3 < SHAVED:
+    if not enough(hull, told):
         told &= (looked > LOOKED_AT * places)[stands]
     stands[stands] = told
     tilted = mean[told] + UPRIGHT * size[told, None, None] * aside[told]

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from ball_hair import camera_at, hull_where, view_of
 
+from hairfit.capture.filters import mean_of_hair
 from hairfit.fit.evidence import Planes
-from hairfit.fit.shades import exposures, find_shades, mean_of_hair
+from hairfit.fit.shades import exposures, find_shades
 
 
 @pytest.fixture
@@ -101,5 +102,5 @@ def test_means_of_hair_leave_out_what_is_beside_it(rng):
     hair = np.zeros((128, 128), bool)
     hair[:, 40:] = True
     values = np.where(hair, 2.0, -50.0).astype(np.float32)
-    mean = mean_of_hair(values, view_with(values, hair), 3.0)
+    mean = mean_of_hair(values, hair, 3.0)
     np.testing.assert_allclose(mean[hair], 2.0, rtol=1e-5)

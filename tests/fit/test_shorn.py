@@ -6,8 +6,8 @@ from ball_hair import RADIUS, ball, hull_where, meridian, photograph, ring
 
 from hairfit.fit.evidence import gather
 from hairfit.fit.hull import hull_of
-from hairfit.fit.shorn import LEAST, find_shorn, streak_ends
-from hairfit.fit.stubble import thin_hair
+from hairfit.fit.shorn import find_shorn, streak_ends
+from hairfit.fit.stubble import SHAVED, thin_hair
 from hairfit.render import rasterise
 
 SPACING = 0.003
@@ -73,7 +73,7 @@ def test_a_little_shorn_hair_may_be_mistaken(shorn):
     at = shorn.grid.centres(shorn.hair)
     place = np.zeros_like(shorn.hair)
     place[shorn.hair] = np.linalg.norm(at - [0.0, RADIUS, 0.0], axis=1) < 0.025
-    assert 0.0 < place.sum() * SPACING**3 < LEAST
+    assert 0.0 < place.sum() * SPACING**3 < SHAVED
     little = hull_of(shorn.grid, place, shorn.head)
     thin = thin_hair(little)
     assert not shorn_in(little, thin, sums(thin, np.random.default_rng(0))).any()

@@ -6,7 +6,7 @@ from ball_hair import RADIUS, ball, hull_where, meridian, photograph, ring
 
 from hairfit.fit.evidence import gather
 from hairfit.fit.hull import hull_of
-from hairfit.fit.stubble import SHAVED, find_stubble
+from hairfit.fit.stubble import SHAVED, find_stubble, thin_hair
 
 SPACING = 0.003
 LEAN = np.radians(20.0)
@@ -56,7 +56,9 @@ def shaved():
 
 def test_planes_that_err_a_lot_tell_the_lean_of_stubble_together(shaved):
     _, leaning = out_of(shaved)
-    stands, direction = find_stubble(shaved, *planes_of(leaning, 0.3))
+    stands, direction = find_stubble(
+        shaved, thin_hair(shaved), *planes_of(leaning, 0.3)
+    )
     assert stands.mean() > 0.95
     off = np.degrees(np.arccos(np.clip((direction * leaning[stands]).sum(1), -1, 1)))
     unsigned = np.minimum(off, 180.0 - off)
@@ -65,7 +67,9 @@ def test_planes_that_err_a_lot_tell_the_lean_of_stubble_together(shaved):
 
 def test_where_views_agree_on_a_plane_only_stubble_stands_upright_in_it(shaved):
     normal, leaning = out_of(shaved)
-    stands, direction = find_stubble(shaved, *planes_of(leaning, 0.0, views=1))
+    stands, direction = find_stubble(
+        shaved, thin_hair(shaved), *planes_of(leaning, 0.0, views=1)
+    )
     upright = np.abs((direction * normal[stands]).sum(1))
     assert stands.mean() > 0.95
     # In the plane, no direction is nearer to the normal than the lean is.
@@ -76,13 +80,15 @@ def test_thin_hair_that_lies_on_the_skin_is_no_stubble(shaved):
     normal, leaning = out_of(shaved)
     across = np.cross(normal, leaning)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    stands, direction = find_stubble(shaved, *planes_of(across, 0.1))
+    stands, direction = find_stubble(shaved, thin_hair(shaved), *planes_of(across, 0.1))
     assert not stands.any() and direction.shape == (0, 3)
 
 
 def test_hair_that_stands_high_is_left_as_it_is_seen():
     brush = shell(0.03)
-    assert not find_stubble(brush, *planes_of(out_of(brush)[0], 0.1)).stands.any()
+    assert not find_stubble(
+        brush, thin_hair(brush), *planes_of(out_of(brush)[0], 0.1)
+    ).stands.any()
 
 
 def test_what_no_view_looks_at_is_no_stubble(shaved):
@@ -90,7 +96,12 @@ def test_what_no_view_looks_at_is_no_stubble(shaved):
     back = shaved.grid.centres(shaved.hair)[:, 2] < 0.0
     seen = np.where(back, 0.01, 1.0)
     stands = find_stubble(
-        shaved, seen[:, None, None] * planes, seen * total, seen * looks, count
+        shaved,
+        thin_hair(shaved),
+        seen[:, None, None] * planes,
+        seen * total,
+        seen * looks,
+        count,
     ).stands
     far = shaved.grid.centres(shaved.hair)[:, 2]
     assert stands[far > 0.03].mean() > 0.95 and not stands[far < -0.03].any()
@@ -100,7 +111,9 @@ def test_few_photographs_tell_a_shaved_head_though_not_a_small_place(shaved):
     # Each place is seen by a third of a view, in the mean.
     def hardly_seen(hull, count):
         planes, total, looks, _ = planes_of(out_of(hull)[1], 0.1, views=1)
-        return find_stubble(hull, planes / 3.0, total / 3.0, looks / 3.0, count).stands
+        return find_stubble(
+            hull, thin_hair(hull), planes / 3.0, total / 3.0, looks / 3.0, count
+        ).stands
 
     assert hardly_seen(shaved, 3).mean() > 0.95
     at = shaved.grid.centres(shaved.hair)
