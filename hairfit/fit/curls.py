@@ -87,10 +87,11 @@ FAINT = 0.115
 # around, in smoothed photographs as well. Short path-traced curls have 0.12 to 0.25 in
 # either, smooth hair 0.08 at most, and 0.1 with noise of 6 % of white.
 FRIZZY = 0.105
-# Nearly everywhere, that is: of hair that is smooth but for buns or a parting a quarter
-# of the places, so large, swings less than so. Short path-traced curls have 0.07 to
-# 0.19, two buns above smooth hair 0.04.
-CALM_SHARE, CALM, PLACE = 0.25, 0.055, 0.012
+# And about the nearest hair: what is tousled swings from lock to lock, as do buns, and
+# lies alike within each. About the mean over so many metres, and so many pixels at
+# least, as maps are smooth themselves, short path-traced curls have 0.04 to 0.08 in
+# either, tousled hair and buns 0.01 to 0.024, and 0.037 with noise of 6 % of white.
+FRIZZY_NEAR, NEAR, NEAR_PIXELS = 0.033, 0.006, 13.0
 UNSEEN = 0.0035  # radius of curls that are too fine to be seen, in metres
 MOST_VIEWS = 4
 # What the mean direction says of a lock, against the way in which turns repeat: this
@@ -253,38 +254,34 @@ def own_swing(
         maps: Their orientation maps.
         pixels: Widths of a pixel, in metres.
     """
-    return swing(maps, _means(views, maps, pixels))
+    return swing(maps, _means(views, maps, pixels, [LOCK] * len(views)))
 
 
 def is_frizzy(
     views: Sequence[View], maps: Sequence[OrientationMap], pixels: Sequence[float]
 ) -> bool:
-    """Return whether hair swings far about the mean of the hair around, everywhere.
+    """Return whether hair swings far about the mean of the nearest hair, too.
 
     Args:
         views: The photographs.
         maps: Their orientation maps.
         pixels: Widths of a pixel, in metres.
     """
-    means = _means(views, maps, pixels)
-    if swing(maps, means) <= FRIZZY:
+    if own_swing(views, maps, pixels) <= FRIZZY:
         return False
-    places = []
-    for view, found, angle, pixel in zip(views, maps, means, pixels, strict=True):
-        square = np.sin(2.0 * (found.angle - angle)) ** 2
-        swings, sure = (
-            ndimage.gaussian_filter(view.hair * one, PLACE / pixel)[view.hair]
-            for one in (found.confidence * square, found.confidence)
-        )
-        places.append(swings / np.maximum(sure, 1e-6))
-    return bool(np.quantile(np.concatenate(places), CALM_SHARE) > CALM)
+    near = [max(NEAR, NEAR_PIXELS * pixel) for pixel in pixels]
+    return swing(maps, _means(views, maps, pixels, near)) > FRIZZY_NEAR
 
 
 def _means(
-    views: Sequence[View], maps: Sequence[OrientationMap], pixels: Sequence[float]
+    views: Sequence[View],
+    maps: Sequence[OrientationMap],
+    pixels: Sequence[float],
+    around: Sequence[float],
 ) -> list[Float[np.ndarray, "_height _width"]]:
-    """Return the angles about which hair swings in each photograph."""
-    lines = abreast(mean_line, [view.hair for view in views], maps, pixels)
+    """Return the angles about which hair swings in each photograph, see `mean_line`."""
+    hair = [view.hair for view in views]
+    lines = abreast(mean_line, hair, maps, pixels, around)
     return [angle_of_line(line[..., 0], line[..., 1]) for line in lines]
 
 

@@ -309,11 +309,16 @@ def unsteady(far):
     return 0.3 + 0.1 * np.sin(2.0 * np.pi * x / 14)
 
 
-def test_hair_that_swings_far_in_some_places_only_does_not_curl():
-    wild, calm = unsteady(20.0), unsteady(0.0)
-    for share, expected in ((0.65, False), (1.0, True)):
-        grey = np.where(np.arange(512)[:, None] < share * 512, wild, calm)
-        views, maps = photographed(grey)
+def locks(wide):
+    """Return stripes that lean to one side in each square lock, to the other beside."""
+    y, x = np.mgrid[:512, :512]
+    lean = np.radians(np.where((y // wide + x // wide) % 2, 30.0, -30.0))
+    return 0.3 + 0.1 * np.sin(2.0 * np.pi * (x * np.cos(lean) + y * np.sin(lean)) / 14)
+
+
+def test_hair_that_swings_from_lock_to_lock_only_does_not_curl():
+    for wide, expected in ((96, False), (24, True)):
+        views, maps = photographed(locks(wide))
         pixels = pixel_sizes(HULL, views)
         assert own_swing(views, maps, pixels) > FRIZZY
         assert is_frizzy(views, maps, pixels) == expected
