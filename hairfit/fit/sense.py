@@ -23,7 +23,8 @@ hair begins.
 Where a tail leaves the head (`tails.py`), the hair around goes to its tie, the nearer
 the surer: a line gains by coming to a tie as by coming farther from the scalp, and hair
 beside one grows towards it. From the nape it grows up to the tie, though lines there
-lead down as well, into the few loose hairs that are farther from the scalp.
+lead down as well, into the few loose hairs that are farther from the scalp. Where no
+tail leaves it, the tie may be where flat hair is drawn to (`updos.py`).
 """
 
 from typing import NamedTuple
@@ -36,6 +37,7 @@ from .evidence import Field
 from .grid import blurred, uphill
 from .hull import Hull
 from .tails import find_tails, pull_of
+from .updos import find_updos
 
 EVERY = 2  # voxels along each axis of which one is the start of a line
 LONGEST = 0.5  # metres, either way
@@ -77,6 +79,8 @@ def growth_sense(
     start = hull.grid.centres(hull.hair)[some]
     heading = field.direction[hull.hair][some]
     tails = find_tails(hull, away)
+    if not len(tails.ties) and not curly:
+        tails = find_updos(hull, field, away)
     pull = pull_of(tails, hull.grid.centres(hull.hair))
     distance = np.zeros(hull.grid.shape)
     distance[hull.hair] = away + GATHERED * pull.nearness

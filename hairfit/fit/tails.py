@@ -37,6 +37,11 @@ class Tails(NamedTuple):
     ties: Float[np.ndarray, "tails 3"]
 
 
+def no_tails(voxels: int) -> Tails:
+    """Return that none of so many voxels of hair are of a tail."""
+    return Tails(np.zeros(voxels, bool), np.zeros((0, 3)))
+
+
 def find_tails(hull: Hull, away: Float[np.ndarray, " voxels"]) -> Tails:
     """Return the tails of a hull.
 
