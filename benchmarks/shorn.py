@@ -1,8 +1,9 @@
 """How far streaks run in hair that lies thin on the skin: whether it is shorn.
 
 Run `python benchmarks/shorn.py CAPTURE ... [--views 00,01,...] [--quality normal]`. So
-much hair lies thin, photographs tell of so much of it, and in so large a share of that
-streaks end; the last two with noise of 6 % of white as well. See `fit/shorn.py`.
+much hair lies thin, photographs tell of so much of it, in so large a share of that
+streaks end, and so much is taken for shorn; the last three with noise of 6 % of white,
+too. See `fit/shorn.py`.
 """
 
 import dataclasses
@@ -16,7 +17,7 @@ from hairfit.fit.curls import see_curls
 from hairfit.fit.evidence import find_planes
 from hairfit.fit.grid import uphill
 from hairfit.fit.hull import Hull, pixel_sizes, walls_of
-from hairfit.fit.shorn import KINDS, Ends, streak_ends, streaks_at
+from hairfit.fit.shorn import KINDS, Ends, find_shorn, streak_ends, streaks_at
 from hairfit.fit.shots import Shots
 from hairfit.fit.stubble import thin_hair
 
@@ -27,8 +28,8 @@ CM3 = 1e6  # in a cubic metre
 def main() -> None:
     """Print a row for each capture."""
     given = parsed(__doc__)
-    print("| | thin | told | streaks end | with noise: told | streaks end |")
-    print("| --- | --- | --- | --- | --- | --- |")
+    print("| | thin | told | streaks end | shorn | with noise: told | end | shorn |")
+    print(f"|{8 * ' --- |'}")
     for folder in given.captures:
         shots, maps, hull, _ = start_of(folder, given.views, given.quality)
         curly = see_curls(hull, shots.views, maps).radius > 0.0
@@ -36,9 +37,13 @@ def main() -> None:
         voxel = CM3 * hull.grid.spacing**3
         cells = [f"{voxel * thin_hair(hull).sum():.0f} cm³"]
         for noise in (0.0, NOISE):
-            told, ends = told_of(hull, shots, noise)
-            share = (ends & told).sum() / max(told.sum(), 1)
-            cells += [f"{voxel * told.sum():.0f} cm³", f"{100 * share:.0f} %"]
+            found = told_of(hull, shots, noise)
+            share = (found.ends & found.told).sum() / max(found.told.sum(), 1)
+            told, shorn = (
+                f"{voxel * some.sum():.0f} cm³"
+                for some in (found.told, find_shorn(hull, found))
+            )
+            cells += [told, f"{100 * share:.0f} %", shorn]
         print(f"| {folder.name} | {' | '.join(cells)} |", flush=True)
 
 

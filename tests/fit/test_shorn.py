@@ -49,14 +49,25 @@ def test_thin_hair_has_no_high_hair_beside_it():
     assert thin[(away > 0.0) & (away < 0.003)].mean() < 0.5
 
 
-def test_hair_is_shorn_where_most_streaks_end(shorn):
+@pytest.mark.parametrize("border", [0.05, 0.0, -0.05])
+def test_hair_is_shorn_where_most_streaks_end(shorn, border):
     rng = np.random.default_rng(0)
     thin = thin_hair(shorn)
     x = shorn.grid.centres(shorn.hair)[:, 0]
-    found = shorn_in(shorn, thin, sums(x < 0.05, rng))
-    # Places are as wide as a centimetre and more.
-    assert found[x < 0.035].mean() > 0.95 and found[x > 0.07].mean() < 0.05
-    assert not shorn_in(shorn, thin, sums(x < 0.03, rng)).any()
+    found = shorn_in(shorn, thin, sums(x < border, rng))
+    # Places are two centimetres wide and more.
+    assert found[x < border - 0.02].mean() > 0.95
+    assert not found[x > border + 0.02].any()
+
+
+def test_where_streaks_end_here_and_there_nothing_is_shorn(shorn):
+    thin = thin_hair(shorn)
+    at = shorn.grid.centres(shorn.hair)
+    patches = np.floor(at[:, 0] / 0.03) % 2 == 0
+    told = sums(patches, np.random.default_rng(0))
+    ends = streak_ends(shorn, thin, told)
+    assert ends.ends[ends.told].mean() > 0.3
+    assert not find_shorn(shorn, ends).any()
 
 
 def test_where_streaks_are_hardly_seen_nothing_is_shorn(shorn):
