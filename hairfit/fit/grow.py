@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 from scipy import ndimage
 
 from ..host import on_device
@@ -20,8 +20,10 @@ from .shorn import LENGTH
 # Of the scalp's normal in a strand's first direction, against the flow's.
 LIFT = 0.2
 AT_ONCE = 512  # strands that are traced together
-# A strand that has come no farther than this share of so many metres runs in circles.
-CIRCLE, ROUND = 0.06, 0.35
+# A strand that has come no farther than this share of so many metres runs in circles,
+# or, of more metres, about a bun: it then ends once round, as where it goes on it is
+# as good as before, and no cluster follows strands that wind apart.
+CIRCLE, WOUND, ROUND = 0.06, 0.12, 0.35
 # Of the channels of `Space.lines`, which of them turn where the flow does.
 BACKWARDS = np.array([1, 1, 1, 1, -1, -1, -1, 1, 1], np.float32)
 NEVER = 2.0  # no cosine is as large
@@ -155,7 +157,7 @@ def grow(
 def uncircled(
     path: Float[np.ndarray, "steps strands 3"], step: float
 ) -> Float[np.ndarray, "steps strands 3"]:
-    """Return paths that end where they begin to run in circles.
+    """Return paths that end where they begin to run in circles, or once round a bun.
 
     A field has no end in the middle of a whirl, as where a bun is wound up: strands
     would fill it, until they are as long as any may be, where no hair is.
@@ -164,15 +166,29 @@ def uncircled(
         path: Where each strand is at each step, in metres; after its tip it stays.
         step: How far a strand goes in a step, in metres.
     """
-    lag = round(CIRCLE / step)
-    if lag >= len(path):
-        return path
-    goes = (path[lag:] != path[lag - 1 : -1]).any(axis=2)
-    gone = np.linalg.norm(path[lag:] - path[:-lag], axis=2)
-    circles = goes & (gone < ROUND * CIRCLE)
-    last = np.where(circles.any(axis=0), circles.argmax(axis=0), len(path) - 1)
+    once = _circling(path, step, WOUND) + round(WOUND / step)
+    last = np.minimum(_circling(path, step, CIRCLE), once)
     kept = np.minimum(np.arange(len(path))[:, None], last)
     return np.take_along_axis(path, kept[..., None], axis=0)
+
+
+def _circling(
+    path: Float[np.ndarray, "steps strands 3"], step: float, length: float
+) -> Int[np.ndarray, " strands"]:
+    """Return from where on each path comes nowhere in such a length; its end if never.
+
+    Args:
+        path: Where each strand is at each step, in metres.
+        step: How far a strand goes in a step, in metres.
+        length: In metres.
+    """
+    lag = round(length / step)
+    if lag >= len(path):
+        return np.full(path.shape[1], len(path) - 1)
+    goes = (path[lag:] != path[lag - 1 : -1]).any(axis=2)
+    gone = np.linalg.norm(path[lag:] - path[:-lag], axis=2)
+    circles = goes & (gone < ROUND * length)
+    return np.where(circles.any(axis=0), circles.argmax(axis=0), len(path) - 1)
 
 
 @jax.jit(static_argnames="config")

@@ -9,6 +9,7 @@ from hairfit.fit.grow import (
     AT_ONCE,
     CIRCLE,
     ROUND,
+    WOUND,
     GrowConfig,
     grow,
     space_of,
@@ -109,7 +110,7 @@ def test_strands_end_where_the_flow_comes_towards_them():
     assert np.abs(strands[:, -1, 1] - middle).max() < 2 * CONFIG.step
 
 
-def whirl(inwards):
+def whirl(inwards, radius=0.04):
     """Return a strand that runs around the y axis, and so much inwards."""
     hull = tube(radius=0.06)
     shape = hull.grid.shape
@@ -117,12 +118,12 @@ def whirl(inwards):
     centres[..., 1] = 0.0
     way = np.cross([0.0, -1.0, 0.0], centres) - inwards * centres
     way /= np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
-    root, ahead = np.array([[0.04, -0.1, 0.0]]), np.array([[0.0, 0.0, 1.0]])
+    root, ahead = np.array([[radius, -0.1, 0.0]]), np.array([[0.0, 0.0, 1.0]])
     return grow(space_of(hull, Field(way, np.ones(shape)), way), root, ahead, 200)
 
 
 def test_strands_end_where_they_begin_to_run_in_circles():
-    free, wound = whirl(0.0), whirl(0.2)
+    free, wound = whirl(0.0), whirl(0.25)
     assert lengths(free)[0] > 0.95 * CONFIG.longest
     assert lengths(wound)[0] > 0.1
     # On the smallest circle that is let pass, the chord of the arc is just as short.
@@ -130,6 +131,14 @@ def test_strands_end_where_they_begin_to_run_in_circles():
     chord = 2 * radius * np.sin(CIRCLE / (2 * radius))
     smallest = radius[np.abs(chord - ROUND * CIRCLE).argmin()]
     assert smallest < np.hypot(*wound[0, -1, [0, 2]]) < 1.5 * smallest
+
+
+@pytest.mark.parametrize(("radius", "inwards"), [(0.016, 0.0), (0.02, 0.1)])
+def test_strands_that_wind_about_a_bun_end_once_round(radius, inwards):
+    strand = whirl(inwards, radius)
+    assert WOUND - CONFIG.step < lengths(strand)[0] < 1.5 * WOUND
+    around = np.unwrap(np.arctan2(strand[0, :, 0], strand[0, :, 2]))
+    assert 0.8 < abs(around[-1] - around[0]) / (2.0 * np.pi) < 1.2
 
 
 def test_strands_spread_with_the_flow_by_the_share_that_is_asked_for():
