@@ -86,7 +86,16 @@ def narrowest_width(
         sights: The photographs, one or more.
     """
     each = abreast(lambda one: overlaps(points, coarser(one), WIDTHS), sights)
-    iou = np.mean(list(each), axis=0)
+    return narrowest(list(each))
+
+
+def narrowest(each: Sequence[Float[np.ndarray, " widths"]]) -> float:
+    """Return the least width at which the mean over photographs is as at the best.
+
+    Args:
+        each: For each photograph the IoU at each of `WIDTHS`.
+    """
+    iou = np.mean(each, axis=0)
     return float(WIDTHS[int(np.argmax(iou >= iou.max() - AS_WELL))])
 
 

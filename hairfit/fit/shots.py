@@ -22,7 +22,7 @@ from ..model.scalp import Scalp
 from ..render.raster import mesh_depth
 from ..types import Mesh
 from .checkpoint import Checkpoint
-from .hull import Hull, pixel_sizes
+from .hull import Hull, pixel_sizes, without_gaps
 from .suspects import Doubt, find_suspects, shaken_doubt, shrink
 from .trust import Trusted, mute_clipped, without_suspects
 
@@ -164,9 +164,12 @@ def look_at(
 
 
 def wrapped_scalp(shots: Shots, head: Mesh) -> Scalp:
-    """Return the scalp that the photographs' masks draw on a head."""
-    seen = [SeenHead(*one) for one in zip(shots.views, shots.depths, strict=True)]
-    return wrap_scalp(head, seen)
+    """Return the scalp that the photographs' masks draw on a head.
+
+    Skin shows between shorn hairs, which grow there all the same.
+    """
+    both = zip(shots.views, shots.depths, strict=True)
+    return wrap_scalp(head, [SeenHead(without_gaps(*one), one[1]) for one in both])
 
 
 def _depths(views: Sequence[View], head: Mesh, store: Checkpoint) -> Depths:

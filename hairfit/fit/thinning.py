@@ -20,7 +20,7 @@ from scipy import sparse
 
 from ..abreast import abreast
 from ..capture.filters import square_means
-from ..evaluate.coverage import WIDTHS, best_width, drawn_pieces, ious_of
+from ..evaluate.coverage import WIDTHS, drawn_pieces, ious_of, narrowest
 from ..evaluate.visibility import Sight
 from ..model.maps import ScalpMaps
 from ..model.strand import Hair
@@ -98,7 +98,7 @@ def block_of(
 def strand_factors(seen: Sequence[Covers]) -> Float[np.ndarray, " strands"]:
     """Return by how much each strand has to count for all to cover what is hair.
 
-    Strands are as wide as covers the photographs best while all count alike.
+    Strands are no wider than covers the photographs while all count alike.
 
     Args:
         seen: What the strands hide of each photograph, one or more.
@@ -132,14 +132,17 @@ def hidden_by(
 
 
 def width_of(seen: Sequence[Covers], factor: Float[np.ndarray, " strands"]) -> float:
-    """Return the width at which strands cover the photographs best, in metres.
+    """Return the least width at which strands cover photographs as well as at the best.
+
+    In metres. Wider strands hide no more of what masks show whole, but all that masks
+    show in part, as shorn hair, would be too dense.
 
     Args:
         seen: What the strands hide of each photograph, one or more.
         factor: By how much each strand counts.
     """
     each = [ious_of(hides.T @ factor, wanted, WIDTHS) for hides, wanted in seen]
-    return best_width(each).width
+    return narrowest(each)
 
 
 def root_density(

@@ -1,6 +1,9 @@
+import dataclasses
+
+import jax
 import numpy as np
 import pytest
-from ball_hair import camera_at, hull_where, photograph
+from ball_hair import RADIUS, ball, camera_at, comb, hull_where, photograph, ring
 from scipy.ndimage import uniform_filter1d
 
 from hairfit.capture import View
@@ -8,8 +11,16 @@ from hairfit.capture.orientation import estimate_orientation
 from hairfit.fit.checkpoint import Checkpoint
 from hairfit.fit.hull import pixel_sizes
 from hairfit.fit.residuals import seen_segments
-from hairfit.fit.shots import PIXEL, Shots, coarser_sights, look_at, resampled
+from hairfit.fit.shots import (
+    PIXEL,
+    Shots,
+    coarser_sights,
+    look_at,
+    resampled,
+    wrapped_scalp,
+)
 from hairfit.fit.trust import Trusted
+from hairfit.model.scalp import points_on, sample_roots
 from hairfit.render.raster import project_points
 
 HULL = hull_where(lambda p: np.abs(p[:, 2]) < 0.01, [-0.06] * 3, [0.06] * 3, 0.01)
@@ -123,3 +134,26 @@ def test_where_several_are_shaken_all_are_looked_at_in_smaller_pictures(
     plain = estimate_orientation(sharp.image, sharp.hair)
     assert np.array_equal(maps[0].angle, plain.angle) == (not all_small)
     assert np.median(np.abs(maps[0].angle - 0.5 * np.pi)) < np.radians(3.0)
+
+
+def test_shorn_hair_grows_though_skin_shows_between():
+    rng = np.random.default_rng(0)
+    head = ball()
+    hairs = comb(RADIUS * np.array([[0.0, 1.0, 0.0]]))
+    found = photograph(hairs, ring(6, finer=6), head)
+    lowest = []
+    for share in (1.0, 0.35):
+        views = []
+        for view, depth in zip(found.views, found.depths, strict=True):
+            below = np.arange(view.camera.height)[:, None] > 0.55 * view.camera.height
+            skin = np.isfinite(depth) & ~below
+            hair = skin & (rng.random(skin.shape) < share)
+            views.append(dataclasses.replace(view, hair=hair))
+        trusted = Trusted(tuple(views), found.depths, [True] * len(views))
+        every = list(range(len(views)))
+        shots = Shots(views, found.depths, every, trusted, ())
+        scalp = wrapped_scalp(shots, head)
+        uv = sample_roots(scalp, 2000, jax.random.key(0))
+        lowest.append(np.quantile(np.asarray(points_on(scalp, uv))[:, 1], 0.02))
+    assert abs(lowest[0] - lowest[1]) < 0.003
+    assert lowest[0] < 0.3 * RADIUS

@@ -26,6 +26,7 @@ from hairfit.fit.thinning import (
     root_density,
     strand_factors,
     thinned,
+    width_of,
 )
 from hairfit.model.maps import even_maps
 from hairfit.model.strand import Hair
@@ -140,3 +141,12 @@ def test_hair_that_explains_its_masks_stays_as_it_is():
     maps = thinned(even, hair, seen(np.asarray(hair.strands)))
     assert np.mean(texels_at(np.asarray(maps.density), uv)) > 0.98
     assert (maps.length == 1.0).all() and (maps.curl == even.curl).all()
+
+
+def test_strands_are_no_wider_than_masks_need_them():
+    # One block of two hundred is hardly met: ten times as wide strands would hide it.
+    hides = np.full((1, 200), 1000.0)
+    hides[0, 0] = 100.0
+    seen = [Covers(sparse.csr_matrix(hides), np.ones(200, bool))]
+    least = np.log(2.0) / 1000.0
+    assert least <= width_of(seen, np.ones(1)) < 1.2 * least
