@@ -20,7 +20,13 @@ from scipy import sparse
 
 from ..abreast import abreast
 from ..capture.filters import square_means
-from ..evaluate.coverage import WIDTHS, drawn_pieces, ious_of, narrowest
+from ..evaluate.coverage import (
+    WIDTHS,
+    best_width,
+    drawn_pieces,
+    ious_of,
+    narrowest,
+)
 from ..evaluate.visibility import Sight
 from ..model.maps import ScalpMaps
 from ..model.strand import Hair
@@ -98,14 +104,16 @@ def block_of(
 def strand_factors(seen: Sequence[Covers]) -> Float[np.ndarray, " strands"]:
     """Return by how much each strand has to count for all to cover what is hair.
 
-    Strands are no wider than covers the photographs while all count alike.
+    Strands are no wider than covers the photographs as well as at the best while all
+    count alike: wider ones hide no more of what masks show whole, but all that masks
+    show in part, as shorn hair, would be too dense.
 
     Args:
         seen: What the strands hide of each photograph, one or more.
     """
     whole = np.sum([hides @ np.ones(len(wanted)) for hides, wanted in seen], axis=0)
     factor = np.ones(len(whole))
-    width = width_of(seen, factor)
+    width = narrowest(cover_by_width(seen, factor))
     for _ in range(ROUNDS):
         asked = np.zeros(len(whole))
         for hides, wanted in seen:
@@ -132,17 +140,25 @@ def hidden_by(
 
 
 def width_of(seen: Sequence[Covers], factor: Float[np.ndarray, " strands"]) -> float:
-    """Return the least width at which strands cover photographs as well as at the best.
-
-    In metres. Wider strands hide no more of what masks show whole, but all that masks
-    show in part, as shorn hair, would be too dense.
+    """Return the width at which strands cover the photographs best, in metres.
 
     Args:
         seen: What the strands hide of each photograph, one or more.
         factor: By how much each strand counts.
     """
-    each = [ious_of(hides.T @ factor, wanted, WIDTHS) for hides, wanted in seen]
-    return narrowest(each)
+    return best_width(cover_by_width(seen, factor)).width
+
+
+def cover_by_width(
+    seen: Sequence[Covers], factor: Float[np.ndarray, " strands"]
+) -> list[Float[np.ndarray, " widths"]]:
+    """Return the IoU with each photograph's mask at each of `WIDTHS`.
+
+    Args:
+        seen: What the strands hide of each photograph, one or more.
+        factor: By how much each strand counts.
+    """
+    return [ious_of(hides.T @ factor, wanted, WIDTHS) for hides, wanted in seen]
 
 
 def root_density(
