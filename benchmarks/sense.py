@@ -104,9 +104,7 @@ def measured(folder: pathlib.Path, names: str, quality: Quality) -> Shares:
     field = hair_field(hull, views, depths, curls, roots, normals)
     flow = hair_flow(hull, field, roots, curly=curls.radius > 0.0)
     true = sample_strands_evenly(load_strands(folder / "truth.npz"))
-    voxel = hull.grid.voxel(true.points)
-    inside = hull.grid.inside(voxel)
-    at = tuple(np.where(inside[:, None], voxel, 0).T)
+    at, inside = hull.grid.locate(true.points)
     inside &= hull.hair[at]
     cosine = (field.direction[at] * true.directions).sum(axis=1)
     along = inside & (np.abs(cosine) > RIGHT)

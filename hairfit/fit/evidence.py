@@ -18,13 +18,14 @@ from ..abreast import abreast
 from ..capture.capture import View
 from ..capture.orientation import OrientationMap
 from ..host import on_device
-from ..render.raster import cells, project_points
+from ..render.raster import cells, project_points, unit
 from .grid import nearest_in, neighbours, uphill
 from .hull import Hull, Walls, first_hit, pixel_sizes, walls_of
 from .shorn import KINDS, find_shorn, streak_ends, streaks_at
 from .stubble import enough, find_stubble, thin_hair
 
 DEPTH_SCALE = 0.006  # metres behind the hull's surface where a photograph fades
+STRAIGHT = 0.5  # of the way a line came, against that of the field ahead
 SURFACE_WEIGHT = 0.1  # of "hair lies in the surface", against one sharp photograph
 SMOOTHING = 0.3  # of the diffusion, against one voxel of full evidence
 TOLERANCE = 2e-3  # relative residual at which the diffusion stops
@@ -62,6 +63,14 @@ class Field(NamedTuple):
     anisotropy: Float[np.ndarray, "x y z"]
     stubble: Bool[np.ndarray, "x y z"] | None = None
     shorn: Bool[np.ndarray, "x y z"] | None = None
+
+    def onwards(
+        self, at: tuple[np.ndarray, ...], heading: Float[np.ndarray, "lines 3"]
+    ) -> Float[np.ndarray, "lines 3"]:
+        """Return which way lines go on from voxels, given the way they came."""
+        along = self.direction[at]
+        same = np.sign((along * heading).sum(axis=1))[:, None]
+        return unit(STRAIGHT * heading + same * along)
 
 
 def gather(

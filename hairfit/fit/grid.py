@@ -1,12 +1,20 @@
 """A regular grid of voxels and what is sampled on it."""
 
 import dataclasses
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy import ndimage
+
+
+class Voxels(NamedTuple):
+    """The voxels of points, the first one for those outside the grid."""
+
+    at: tuple[np.ndarray, ...]
+    inside: Bool[np.ndarray, " points"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,6 +54,12 @@ class Grid:
     def inside(self, voxels: Int[np.ndarray, "points 3"]) -> Bool[np.ndarray, " _"]:
         """Return which voxels lie in the grid."""
         return np.all((voxels >= 0) & (voxels < np.array(self.shape)), axis=1)
+
+    def locate(self, points: Float[np.ndarray, "points 3"]) -> Voxels:
+        """Return the voxels of points as indices, and which points are inside."""
+        voxel = self.voxel(points)
+        inside = self.inside(voxel)
+        return Voxels(tuple(np.where(inside[:, None], voxel, 0).T), inside)
 
 
 def in_coarser(

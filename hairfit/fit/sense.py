@@ -32,7 +32,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..render.raster import unit
 from .evidence import Field
 from .grid import blurred, uphill
 from .hull import Hull
@@ -41,7 +40,6 @@ from .updos import find_updos
 
 EVERY = 2  # voxels along each axis of which one is the start of a line
 LONGEST = 0.5  # metres, either way
-STRAIGHT = 0.5  # of the way a line came, against that of the field ahead
 DOUBT = 0.008  # metres of a field that says nothing after which a third is believed
 REACHED = 0.03  # metres farther from the scalp than the start: surely a tip
 LOSES = 0.003  # metres that a line may lose again after it came farthest
@@ -156,7 +154,7 @@ def _farther(
     grazing = np.exp(-grid.spacing / DOUBT)
     for _ in range(int(LONGEST / grid.spacing)):
         point, grazes = _kept(hull, outwards, point + grid.spacing * heading, heading)
-        at, inside = _voxels(hull, point)
+        at, inside = hull.grid.locate(point)
         belief = np.where(grazes, belief * grazing, belief)
         on = inside & hull.hair[at]
         ends = inside & ~hull.hair[at]
@@ -173,9 +171,7 @@ def _farther(
         most[rows] = np.maximum(most[rows], gained)
         back = np.maximum(most[rows] - gained - LOSES, 0.0)
         lost[rows] = np.where(most[rows] < REACHED, belief * back, 0.0)
-        along = field.direction[at]
-        same = np.sign((along * heading).sum(axis=1))[:, None]
-        heading = unit(STRAIGHT * heading + same * along)
+        heading = field.onwards(at, heading)
     return np.maximum(farther - lost, 0.0 if curly else REACHED * tip)
 
 
@@ -212,23 +208,9 @@ def _kept(
         point: Where lines come to.
         heading: The way they came.
     """
-    at, inside = _voxels(hull, point)
+    at, inside = hull.grid.locate(point)
     normal = outwards[at]
     grazes = inside & ~hull.hair[at] & (hull.head[at] > ALOFT)
     grazes &= (normal * heading).sum(axis=1) < GRAZING
     off = hull.distance[at] + WITHIN * hull.grid.spacing
     return Kept(point - np.where(grazes, off, 0.0)[:, None] * normal, grazes)
-
-
-class Voxels(NamedTuple):
-    """The voxels of points, the first one for those outside the grid."""
-
-    at: tuple[np.ndarray, ...]
-    inside: Bool[np.ndarray, " points"]
-
-
-def _voxels(hull: Hull, point: Float[np.ndarray, "points 3"]) -> Voxels:
-    """Return the voxels of points, and which points are inside the grid."""
-    voxel = hull.grid.voxel(point)
-    inside = hull.grid.inside(voxel)
-    return Voxels(tuple(np.where(inside[:, None], voxel, 0).T), inside)

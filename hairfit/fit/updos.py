@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
-from ..render.raster import unit
 from .bridges import pieces_of
 from .evidence import Field
 from .hull import Hull
@@ -20,7 +19,6 @@ from .tails import Tails, no_tails
 
 HIGH = 0.020  # metres from the scalp beyond which hair is no longer flat
 LONGEST = 0.3  # metres of a line
-STRAIGHT = 0.5  # of the way a line came, against that of the field ahead
 WIDE = 0.025  # metres from a tie within which lines come to it
 SIDES = 2  # ties at most
 # Of all lines that leave flat hair come to ties at least, all told; and to each of them
@@ -43,19 +41,17 @@ def find_updos(hull: Hull, field: Field, away: Float[np.ndarray, " voxels"]) -> 
     high[hull.hair] = away > HIGH
     flat = thin_hair(hull) & (away <= HIGH)
     ways = _arrivals(hull, field, high, centres[flat])
-    once = np.isfinite(ways[..., 0]).sum(axis=0) == 1
-    left = np.nanmax(ways[:, once], axis=0) if once.any() else np.zeros((0, 3))
-    ties, come, leave = [], 0, int(np.isfinite(ways[..., 0]).any(axis=0).sum())
-    for _ in range(SIDES):
-        if len(left) * spacing**3 < LEAST:
-            break
+    count = np.isfinite(ways[..., 0]).sum(axis=0)
+    left = np.nanmax(ways[:, count == 1], axis=0)
+    ties, come, least = [], 0, LEAST / spacing**3
+    while len(ties) < SIDES and len(left) > 0:
         tie, near = _densest(left)
-        if near.sum() * spacing**3 < LEAST:
+        if near.sum() < least:
             break
         ties.append(tie)
         come += int(near.sum())
         left = left[~near]
-    if not ties or come < MOST * leave:
+    if not ties or come < MOST * (count > 0).sum():
         return no_tails(len(away))
     pieces = pieces_of(high)[hull.hair]
     beyond = np.flatnonzero(pieces)
@@ -80,17 +76,13 @@ def _arrivals(
         rows = np.arange(len(start))
         for _ in range(int(LONGEST / grid.spacing)):
             point = point + grid.spacing * heading
-            voxel = grid.voxel(point)
-            inside = grid.inside(voxel)
-            at = tuple(np.where(inside[:, None], voxel, 0).T)
+            at, inside = grid.locate(point)
             inside &= hull.hair[at]
             there = inside & high[at]
             came[rows[there]] = point[there]
             on = inside & ~high[at]
-            along = field.direction[tuple(axis[on] for axis in at)]
-            point, heading, rows = point[on], heading[on], rows[on]
-            same = np.sign((along * heading).sum(axis=1))[:, None]
-            heading = unit(STRAIGHT * heading + same * along)
+            rows, point, at = rows[on], point[on], tuple(axis[on] for axis in at)
+            heading = field.onwards(at, heading[on])
     return arrived
 
 
