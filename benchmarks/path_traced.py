@@ -7,7 +7,6 @@ Run `python benchmarks/path_traced.py OUT [NAME ...] [--scenes FOLDER]`; then
 """
 
 import argparse
-import dataclasses
 import pathlib
 import subprocess
 import sys
@@ -15,12 +14,13 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
+from combed import STYLES, comb, load_head
 from scenes import SCENES, make_apart
 from scipy.interpolate import make_interp_spline
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from hairfit.io.mesh import load_mesh, save_mesh
+from hairfit.io.mesh import save_mesh
 from hairfit.io.strands import load_strands, save_strands
 from hairfit.model import sample_strands
 from hairfit.render.raster import unit
@@ -30,11 +30,10 @@ SHARED = pathlib.Path(__file__).parents[2] / "shared"
 KNOTS = 32
 SWUNG_KNOTS = 64  # of hair that swings
 HAIRS_A_WISP = 60
-CENTIMETRE = 0.01
-HEAD = SHARED / "files" / "heads" / "ict_neutral.obj"
 ROUND = "--views 8"
 FRONT = "--views 5 --arc 200 --start -80 --light -0.9 1 1.4"
 PHONE = "--size 600 800"
+SMALL = "--size 600 750"
 
 
 class Swing(NamedTuple):
@@ -55,8 +54,8 @@ class Recipe(NamedTuple):
     """What is photographed, and how.
 
     Attributes:
-        groom: A reference capture, a drawn scene, or `straight.hair` for Cem Yuksel's
-            model on the head of ICT's face kit.
+        groom: A reference capture, a drawn scene, a style of `combed.py`, or
+            `straight.hair` for Cem Yuksel's model on the head of ICT's face kit.
         options: Of the path tracer.
         strands: Of a drawn scene's tree; 0 for those of its truth.
         swing: Given to the groom before, None for none.
@@ -119,6 +118,24 @@ RECIPES = {
         swing=Swing(0.005, 0.025),
         kept=0.35,
     ),
+    "to-the-waist": Recipe("to-the-waist", f"{SMALL} --colour brown"),
+    "over-a-shoulder": Recipe("over-a-shoulder", f"{SMALL} --colour red"),
+    "mullet": Recipe("mullet", f"{SMALL} --colour blonde --light -0.9 1.2 1.1"),
+    "bowl-cut": Recipe("bowl-cut", f"{SMALL} --colour black"),
+    "pompadour": Recipe("pompadour", f"{SMALL} --colour brown --light -0.5 1.3 1.2"),
+    "windblown": Recipe("windblown", f"{SMALL} --colour blonde"),
+    "rows": Recipe("rows", f"{SMALL} --colour black --skin 0.28 0.17 0.12"),
+    "side-tail": Recipe("side-tail", f"{SMALL} --colour grey --light -0.6 1.3 1.3"),
+    "high-tail": Recipe("high-tail", f"{SMALL} --colour blonde"),
+    "low-bun": Recipe("low-bun", f"{SMALL} --colour brown"),
+    "top-knot": Recipe("top-knot", f"{SMALL} --colour brown --light 0.2 1.4 1.3"),
+    "puffs": Recipe(
+        "puffs",
+        f"{SMALL} --colour black --skin 0.28 0.17 0.12 --light -0.9 1.2 1.1",
+        swing=Swing(0.004, 0.020),
+    ),
+    "tousled": Recipe("tousled", f"{SMALL} --colour red"),
+    "bobbed": Recipe("bobbed", f"{SMALL} --colour grey"),
 }
 
 
@@ -142,12 +159,15 @@ def find_groom(
     recipe: Recipe, out: pathlib.Path, scenes: pathlib.Path
 ) -> tuple[pathlib.Path, pathlib.Path]:
     """Return the files of a groom and of its head, which are made if need be."""
-    if recipe.groom.endswith(".hair"):
-        path, head = out / "straight-changed.npz", out / "head.obj"
-        hair = stood_on(load_strands(SHARED / "files" / recipe.groom))
+    if recipe.groom in STYLES or recipe.groom.endswith(".hair"):
+        path = out / f"{pathlib.Path(recipe.groom).stem}-changed.npz"
+        head = out / "head.obj"
+        if recipe.groom in STYLES:
+            hair = comb(recipe.groom)
+        else:
+            hair = stood_on(load_strands(SHARED / "files" / recipe.groom))
         save_strands(path, changed(hair, recipe))
-        mesh = load_mesh(HEAD)
-        save_mesh(head, dataclasses.replace(mesh, vertices=CENTIMETRE * mesh.vertices))
+        save_mesh(head, load_head())
         return path, head
     if recipe.groom not in SCENES:
         folder = SHARED / "captures" / recipe.groom
