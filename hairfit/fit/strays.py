@@ -36,6 +36,8 @@ MOST_LOST = 0.07
 # What a strand hides that would be bare makes up for as much that is lost before the
 # background, unless it comes out so far that one sees it. Metres.
 SEEN_OUT = 0.003
+# Where no strand is rooted those around tell: a Gaussian of so many texels.
+BESIDE = 1.5
 SPARSEST = 0.002  # a scalp where all strands come out still grows some
 # A strand loops that comes less far than this share of so many metres of its length.
 FORWARD, LOOP = 0.5, 0.02
@@ -67,7 +69,9 @@ def without_strays(
         stays[comes_forward(points) < FORWARD] = 0.0
     uv = np.asarray(hair.uv, np.float64)
     count, mean = texel_means(uv, stays)
-    share = np.where(count > 0.0, mean, 1.0)
+    around = texel_means(uv, stays, BESIDE)
+    beside = np.where(around.count > 0.0, around.mean, 1.0)
+    share = np.where(count > 0.0, mean, beside)
     density = np.asarray(maps.density, np.float64) * np.maximum(share, SPARSEST)
     return eqx.tree_at(
         lambda m: m.density, maps, on_device(density, maps.density.dtype)

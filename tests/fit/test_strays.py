@@ -125,6 +125,18 @@ def test_roots_are_as_dense_as_strands_stay_in(radius):
     assert np.allclose(again.density, 0.5 * maps.density)
 
 
+def test_texels_between_sparse_roots_follow_the_strands_around():
+    strands = across([-0.01, -0.01, 0.04, 0.04])
+    step = 3.0 / (TEXELS - 1)  # so that roots lie two texels and more apart
+    row = [0.2, 0.2 + step, 0.8, 0.8 + step]
+    uv = jnp.asarray([[0.5, one] for one in row])
+    hair = Hair(jnp.asarray(strands), uv, jnp.zeros(4, int), jnp.zeros(4))
+    maps = without_strays(EVEN, hair, [Sight(view_of(CAMERA, LEFT), None)], 0.0)
+    middle = jnp.asarray([[0.5, 0.2 + 0.5 * step], [0.5, 0.8 + 0.5 * step]])
+    found = texels_at(maps.density, jnp.concatenate([uv, middle]))
+    assert found == pytest.approx([1.0, 1.0, SPARSEST, SPARSEST, 1.0, SPARSEST])
+
+
 def lanes():
     """Return strands in 12 lanes of the left half, some tips out of it, and the mask.
 
