@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from combed import STYLES, comb, load_head
+from combed import MIDDLE, STYLES, comb, load_head
 from scenes import SCENES, make_apart
 from scipy.interpolate import make_interp_spline
 from scipy.spatial import KDTree
@@ -28,7 +28,6 @@ from hairfit.types import Strands, along_paths, resample_paths
 
 SHARED = pathlib.Path(__file__).parents[2] / "shared"
 KNOTS = 32
-SWUNG_KNOTS = 64  # of hair that swings
 HAIRS_A_WISP = 60
 ROUND = "--views 8"
 FRONT = "--views 5 --arc 200 --start -80 --light -0.9 1 1.4"
@@ -43,11 +42,15 @@ class Swing(NamedTuple):
         size: How far, in metres.
         length: Of a turn or a wave, in metres.
         flat: Whether it waves in planes; else it winds, to either side.
+        beyond: Metres from the middle of ICT's head within which hair does not swing.
+        knots: Of the hair that swings.
     """
 
     size: float
     length: float
     flat: bool = False
+    beyond: float = 0.0
+    knots: int = 64
 
 
 class Recipe(NamedTuple):
@@ -134,6 +137,16 @@ RECIPES = {
         f"{SMALL} --colour black --skin 0.28 0.17 0.12 --light -0.9 1.2 1.1",
         swing=Swing(0.004, 0.020),
     ),
+    "curly-tail": Recipe(
+        "high-tail",
+        f"{SMALL} --colour brown --light -0.9 1.2 1.1",
+        swing=Swing(0.006, 0.032, beyond=0.125, knots=128),
+    ),
+    "curled-ends": Recipe(
+        "over-a-shoulder",
+        f"{SMALL} --colour blonde --light -0.5 1.3 1.2",
+        swing=Swing(0.008, 0.045, beyond=0.13, knots=96),
+    ),
     "tousled": Recipe("tousled", f"{SMALL} --colour red"),
     "bobbed": Recipe("bobbed", f"{SMALL} --colour grey"),
 }
@@ -202,8 +215,8 @@ def swung(strands: Strands, swing: Swing) -> Strands:
     """
     rng = np.random.default_rng(0)
     model = np.asarray(strands.points, np.float64).reshape(strands.count, -1, 3)
-    path = resample_paths(model, SWUNG_KNOTS)
-    place = np.concatenate([path[:, 0], 0.5 * path[:, SWUNG_KNOTS // 2]], axis=1)
+    path = resample_paths(model, swing.knots)
+    place = np.concatenate([path[:, 0], 0.5 * path[:, swing.knots // 2]], axis=1)
     count = max(1, strands.count // HAIRS_A_WISP)
     middles = place[rng.choice(strands.count, count, replace=False)]
     wisp = KDTree(middles).query(place)[1]
@@ -215,6 +228,10 @@ def swung(strands: Strands, swing: Swing) -> Strands:
     along = along_paths(path)
     angle = phase[:, None] + (side / length)[:, None] * 2.0 * np.pi * along
     far = size[:, None] * np.clip((along - 0.02) / 0.05, 0.0, 1.0)
+    if swing.beyond > 0.0:
+        off = np.linalg.norm(path - MIDDLE, axis=2)
+        out = np.maximum.accumulate(off, axis=1)
+        far *= np.clip((out - swing.beyond) / 0.03, 0.0, 1.0)
     ahead = unit(np.gradient(path, axis=1))
     across = unit(np.cross(ahead, [0.3, 0.1, 1.0]))
     off = np.cos(angle)[..., None] * across

@@ -9,9 +9,9 @@ are is told like how large turns are, see `waves`.
 
 Where nothing repeats, hair may still curl, too finely to be seen: maps are hardly sure
 of any direction, nor are those of smoother photographs, which show what noise hides.
-Such hair is taken to curl at no known pitch; its maps then say nothing of its locks,
-unless those of smoother photographs are a little sure. So is hair taken that swings
-much about the hair around, in smoothed photographs as well.
+Such hair is taken to curl at no known pitch; its maps then say nothing of its locks.
+So is hair taken that swings much about the hair around, in smoothed photographs as
+well; if those are a little sure, maps do tell which way it runs.
 All other hair is taken as it looks.
 
 By how far hair crosses its locks one knows how steep its turns are, see `slopes`, and
@@ -326,7 +326,8 @@ def what_shows(
     smooth = mean_confidence(views, maps)
     if sharp > SURE or smooth > min(SURE, max(BLIND, SURER * sharp)):
         return Shown(True, swings and is_frizzy(views, maps, pixels))
-    return Shown(smooth > FAINT, frizz=True)
+    told = smooth > FAINT
+    return Shown(told, frizz=not told or is_frizzy(views, maps, pixels))
 
 
 def lock_directions(

@@ -296,17 +296,25 @@ def test_noise_is_told_from_hair_that_shows_no_direction():
 def test_locks_that_show_through_frizz_tell_which_way_it_runs():
     arcs = frizz(2.0, 0.5)
     assert not see_curls(HULL, *photographed(arcs)).told
-    views, maps = photographed(arcs + 0.12 * np.sin(2.0 * np.pi * np.arange(512) / 40))
+    views, maps = photographed(arcs + 1.8 * (unsteady(5.0, 40) - 0.3))
     found = see_curls(HULL, views, maps)
     assert found.radius == UNSEEN and found.told and found.maps == maps
+    # Locks that run straight on through it are of hair that does not curl.
+    views, maps = photographed(arcs + 1.2 * (unsteady(0.0, 40) - 0.3))
+    assert mean_confidence(views, maps) < SURE
+    found = see_curls(HULL, views, maps)
+    assert found.radius == 0.0 and found.told and found.maps == maps
 
 
-def unsteady(far):
-    """Return stripes that run down and waver by so many pixels, here and there."""
+def unsteady(far, wide=14):
+    """Return stripes that run down and waver by so many pixels, here and there.
+
+    Each is so many pixels wide.
+    """
     rng = np.random.default_rng(0)
     off = ndimage.gaussian_filter(rng.normal(size=(512, 512)), (8.0, 24.0))
     x = np.arange(512) + far * off / off.std()
-    return 0.3 + 0.1 * np.sin(2.0 * np.pi * x / 14)
+    return 0.3 + 0.1 * np.sin(2.0 * np.pi * x / wide)
 
 
 def locks(wide):
