@@ -108,11 +108,10 @@ def comb(name: str, seed: int = 0) -> Strands:
     alike = plan.length[leader] < 2.0 * plan.length
     pull = 0.6 * alike[:, None] * np.clip(near, 0.0, 1.0) ** 1.5
     paths += pull[..., None] * (paths[leader] - paths)
-    cut = [
-        resample_paths(p[None, : n + 1], KNOTS)[0]
-        for p, n in zip(paths, ends, strict=True)
-    ]
-    return Strands.from_array(np.asarray(cut))
+    # Beyond its end a hair stays where it is.
+    step = np.minimum(np.arange(paths.shape[1]), ends[:, None])
+    cut = np.take_along_axis(paths, step[..., None], axis=1)
+    return Strands.from_array(resample_paths(cut, KNOTS))
 
 
 def sample_skin(head: Mesh, rng: np.random.Generator) -> Skin:
@@ -162,8 +161,8 @@ def grow(
     own = rng.normal(0.0, 0.05, (len(wisp), 3))
     at = roots.points + 1e-4 * roots.normals
     ahead = unit(plan.way(at, np.zeros(len(at))) + 0.7 * roots.normals)
-    ends = np.minimum(np.ceil(plan.length / STEP).astype(int), count)
-    paths, gone = [at], np.zeros(len(at), bool)
+    ends = np.ceil(plan.length / STEP).astype(int)
+    paths = [at]
     for i in range(count):
         along = np.full(len(at), i * STEP)
         wave = np.stack([np.cos(along / 0.04), np.sin(along / 0.03)], axis=1)
@@ -182,9 +181,7 @@ def grow(
         at = at + STEP * ahead
         paths.append(at)
         if plan.cut is not None:
-            new = plan.cut(at) & ~gone
-            ends = np.where(new, np.minimum(ends, i + 1), ends)
-            gone |= new
+            ends = np.where(plan.cut(at), np.minimum(ends, i + 1), ends)
     return np.stack(paths, axis=1), np.maximum(ends, 2)
 
 
@@ -238,21 +235,21 @@ def aside(roots: Roots, part: float) -> np.ndarray:
 
 
 def hanging(
-    roots: Roots, part: float
+    off: np.ndarray, over: float
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return a way that leaves a parting and comes to hang."""
-    off = aside(roots, part)
+    """Return a way that starts off as given, (N, 3), and hangs after `over` metres."""
 
     def way(points: np.ndarray, along: np.ndarray) -> np.ndarray:
-        fall = np.clip(along / 0.09, 0.0, 1.0)[:, None]
-        return unit((1.0 - fall) * off + fall * DOWN) + 0.0 * points
+        del points
+        fall = np.clip(along / over, 0.0, 1.0)[:, None]
+        return unit((1.0 - fall) * off + fall * DOWN)
 
     return way
 
 
 def to_waist(roots: Roots) -> Plan:
     """Parted in the middle and as long as to the waist, behind the shoulders."""
-    hang = hanging(roots, 0.0)
+    hang = hanging(aside(roots, 0.0), 0.09)
 
     def way(points: np.ndarray, along: np.ndarray) -> np.ndarray:
         behind = np.where(points[:, 2] > -0.02, 0.8, 0.0) * (along > 0.10)
@@ -283,12 +280,7 @@ def mullet(roots: Roots) -> Plan:
     flat = np.cross(roots.normals, np.cross(DOWN + 0.4 * BACK, roots.normals))
     front = np.clip(1.0 - np.abs(roots.azimuth) / 70.0, 0.0, 1.0)[:, None]
     off = unit(flat + front * (0.6 * UP - 0.4 * BACK))
-
-    def way(points: np.ndarray, along: np.ndarray) -> np.ndarray:
-        fall = np.clip(along / 0.07, 0.0, 1.0)[:, None]
-        return unit((1.0 - fall) * off + fall * DOWN) + 0.0 * points
-
-    return Plan(length, way, lie(roots, 0.012), wild=0.3)
+    return Plan(length, hanging(off, 0.07), lie(roots, 0.012), wild=0.3)
 
 
 def bowl(roots: Roots) -> Plan:
@@ -297,8 +289,9 @@ def bowl(roots: Roots) -> Plan:
     off = unit(out * [1.0, 0.0, 1.0])
 
     def way(points: np.ndarray, along: np.ndarray) -> np.ndarray:
+        del points
         fall = np.clip(along / 0.05, 0.0, 1.0)[:, None]
-        return unit((1.0 - fall) * off + (0.3 + fall) * DOWN) + 0.0 * points
+        return unit((1.0 - fall) * off + (0.3 + fall) * DOWN)
 
     def cut(points: np.ndarray) -> np.ndarray:
         return points[:, 1] < 0.050 - 0.6 * np.clip(-points[:, 2], 0.0, 0.08)
@@ -315,9 +308,10 @@ def pompadour(roots: Roots) -> Plan:
     sides = unit(BACK + 0.35 * DOWN)
 
     def way(points: np.ndarray, along: np.ndarray) -> np.ndarray:
+        del points
         rise = np.clip(1.0 - along / 0.045, 0.0, 1.0) * front
         back = sides + (top * 0.2)[:, None] * UP
-        return unit(back + 2.0 * rise[:, None] * UP) + 0.0 * points
+        return unit(back + 2.0 * rise[:, None] * UP)
 
     return Plan(length, way, above, wild=0.1)
 
@@ -327,8 +321,9 @@ def windblown(roots: Roots) -> Plan:
     wind = unit(np.array([1.0, 0.25, -0.55]))
 
     def way(points: np.ndarray, along: np.ndarray) -> np.ndarray:
+        del points
         fall = np.clip(along / 0.20, 0.0, 1.0)[:, None]
-        return unit((1.0 - 0.5 * fall) * wind + 0.6 * fall * DOWN) + 0.0 * points
+        return unit((1.0 - 0.5 * fall) * wind + 0.6 * fall * DOWN)
 
     return Plan(spread(roots, 0.12, 0.20), way, lie(roots, 0.03), wild=0.5)
 
@@ -367,8 +362,9 @@ def high_tail(roots: Roots) -> Plan:
     """Tied high at the back of the crown."""
 
     def tail(points: np.ndarray, since: np.ndarray) -> np.ndarray:
+        del points
         out = np.clip(1.0 - since / 0.08, 0.0, 1.0)[:, None]
-        return unit(out * (BACK + 0.5 * UP) + (1.0 - out) * DOWN) + 0.0 * points
+        return unit(out * (BACK + 0.5 * UP) + (1.0 - out) * DOWN)
 
     way = Tie(HIGH_TIE, roots.chance, tail)
     return Plan(spread(roots, 0.42, 0.50), way, lie(roots, 0.006), 0.01, wild=0.06)
@@ -427,8 +423,8 @@ def puffs(roots: Roots) -> Plan:
     out = unit(out + 0.8 * (side * LEFT + 0.6 * UP))
 
     def tail(points: np.ndarray, since: np.ndarray) -> np.ndarray:
-        del since
-        return out + 0.0 * points
+        del points, since
+        return out
 
     way = Tie(place, roots.chance, tail)
     length = np.linalg.norm(place - roots.points, axis=1) * 1.25
@@ -441,15 +437,16 @@ def tousled(roots: Roots) -> Plan:
     flat = off - np.einsum("nd,nd->n", off, roots.normals)[:, None] * roots.normals
 
     def way(points: np.ndarray, along: np.ndarray) -> np.ndarray:
+        del points
         fall = np.clip(along / 0.08, 0.0, 1.0)[:, None]
-        return unit(unit(flat) + 0.3 * fall * DOWN) + 0.0 * points
+        return unit(unit(flat) + 0.3 * fall * DOWN)
 
     return Plan(spread(roots, 0.03, 0.08), way, lie(roots, 0.03), wild=0.4)
 
 
 def bobbed(roots: Roots) -> Plan:
     """To the chin, parted on the left, ends turned in."""
-    hang = hanging(roots, 0.03)
+    hang = hanging(aside(roots, 0.03), 0.09)
 
     def way(points: np.ndarray, along: np.ndarray) -> np.ndarray:
         turned = np.clip((along - 0.15) / 0.05, 0.0, 1.0)[:, None]
