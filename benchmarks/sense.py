@@ -23,7 +23,7 @@ from hairfit.fit.corners import carve_corners
 from hairfit.fit.cost import Quality
 from hairfit.fit.curls import see_curls
 from hairfit.fit.flow import hair_field, hair_flow
-from hairfit.fit.hull import Hull, carve
+from hairfit.fit.hull import Hull, carve_sparse
 from hairfit.fit.presets import PRESETS
 from hairfit.fit.shots import Shots, look_at, trusted_shots, wrapped_scalp
 from hairfit.io.strands import load_strands
@@ -83,10 +83,11 @@ def start_of(folder: pathlib.Path, names: str, quality: Quality) -> Start:
     if head is None:
         raise SystemExit(f"'{folder}' has no head.obj; take a capture that has one.")
     shots = trusted_shots(capture.views, head, store)
-    hull = carve(shots.views, shots.depths, head, PRESETS[quality].spacing)
+    spacing = PRESETS[quality].spacing
+    hull, gaps = carve_sparse(shots.views, shots.depths, head, spacing)
     hull = carve_corners(hull, shots.views, shots.depths)
     shots, maps = look_at(shots, store, lambda share: None)
-    scalp = capture.scalp or wrapped_scalp(shots, head)
+    scalp = capture.scalp or wrapped_scalp(shots, head, gaps)
     return Start(shots, [maps[k] for k in shots.used], hull, scalp)
 
 

@@ -12,9 +12,9 @@ from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
 from ..capture.capture import View
-from ..render.raster import cells, project_points
 from .grid import Grid
 from .hull import Hull, hull_of, rooted_pieces
+from .unexplained import covered
 
 SMALLEST = 1e-5  # cubic metres; smaller pieces are single locks
 WIDEST = 0.04  # metres: no gap is wider
@@ -85,22 +85,9 @@ def shown_alone(
     """
     count = 0
     for view in views:
-        alone = view.hair & _covered(grid, piece, view) & ~_covered(grid, rest, view)
+        alone = view.hair & covered(grid, piece, view) & ~covered(grid, rest, view)
         count += int(alone.sum() > ALONE * view.hair.sum())
     return count >= min(SHOWN, len(views))
-
-
-def _covered(
-    grid: Grid, voxels: Bool[np.ndarray, "x y z"], view: View
-) -> Bool[np.ndarray, "height width"]:
-    """Return the pixels before voxels, and as many around as a voxel is wide."""
-    pixels = project_points(grid.centres(voxels), view.camera)
-    y, x, seen = cells(pixels, view.camera.width, view.camera.height)
-    struck = np.zeros(view.hair.shape, bool)
-    struck[y[seen], x[seen]] = True
-    middle = max(float(np.median(pixels.depth)), 0.05)
-    wide = int(np.ceil(grid.spacing * view.camera.focal / middle))
-    return np.asarray(ndimage.maximum_filter(struck, size=2 * wide + 1), bool)
 
 
 def _at_roots(

@@ -29,6 +29,7 @@ from .evidence import find_planes, full_matrix
 from .grid import blurred
 from .hull import Hull, hull_of, pixel_sizes, walls_of
 from .shades import Shade, find_shades
+from .unexplained import with_unexplained
 
 INCONSISTENT = 1.5  # disagreement over the expected one from which on there is no hair
 UNLIKE = 2.0  # times as unlike as usual, likewise; each layer takes one time more
@@ -83,7 +84,12 @@ def carve_by_consistency(
     see = partial(find_planes, walls_of(hull), places)
     shades = find_shades(hull, views, list(abreast(see, views, maps, depths)))
     ask = partial(contradictions, views=views, maps=maps, depths=depths, shades=shades)
-    return carve_layers(hull, ask)
+    left = carve_layers(hull, ask)
+    gone = hull.hair & ~left.hair
+    hair = with_unexplained(hull.grid, left.hair, gone, views, depths)
+    if (hair == left.hair).all():
+        return left
+    return hull_of(hull.grid, hair, hull.head)
 
 
 def carve_layers(

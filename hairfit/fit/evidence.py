@@ -78,6 +78,7 @@ def gather(
     views: Sequence[View],
     maps: Sequence[OrientationMap],
     depths: Sequence[Float[np.ndarray, "_height _width"]],
+    tied: bool = False,
 ) -> Evidence:
     r"""Return the least eigenvector of $\sum w\,n n^T$ in every voxel of hair.
 
@@ -91,6 +92,8 @@ def gather(
         views: The photographs.
         maps: Their orientation maps.
         depths: Depth of the head in each photograph, in metres.
+        tied: Whether a tail leaves the head: hair then is stubble only where streaks
+            are told of.
     """
     points = hull.grid.centres(hull.hair)
     entries = np.zeros((len(points), 6))
@@ -115,7 +118,7 @@ def gather(
     planes = full_matrix(entries)
     streaks = streak_ends(hull, thin, runs)
     stands, upright = find_stubble(hull, thin, planes, total, looks, len(views))
-    if not streaks.mostly(stands):
+    if not streaks.mostly(stands) or (tied and not (stands & streaks.told).any()):
         stands, upright = np.zeros_like(stands), upright[:0]
     surface = _surface_normal(hull)
     share = SURFACE_WEIGHT * np.minimum(total, 1.0)

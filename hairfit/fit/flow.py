@@ -33,7 +33,7 @@ from .grid import nearest_in, neighbours
 from .hull import Hull
 from .sense import growth_sense
 from .shorn import LENGTH
-from .tails import find_tails, pull_of
+from .tails import Tails, find_tails, pull_of
 
 # How sharply hair runs along the direction: the exponent of the cosine between the
 # direction and the step to a neighbour.
@@ -135,18 +135,19 @@ def hair_field(
     if not curls.told:
         fall = how_it_falls(hull, scalp_points, scalp_normals)
         return fallen(hull, scalp_points, fall)
-    guesses = [_to_ties(hull, scalp_points)]
-    if curls.radius > 0.0:
-        hanging = fallen(hull, scalp_points, HANGS).direction[hull.hair]
-        guesses.append(Evidence(hanging, np.full(len(hanging), GUESS_WEIGHT)))
-    return diffuse(hull, gather(hull, views, curls.maps, depths), guesses)
-
-
-def _to_ties(hull: Hull, scalp_points: Float[np.ndarray, "points 3"]) -> Evidence:
-    """Return the guess that hair near a tie runs straight to it."""
     centres = hull.grid.centres(hull.hair)
     away = KDTree(scalp_points).query(centres, workers=-1)[0]
     tails = find_tails(hull, away)
+    guesses = [_to_ties(tails, centres)]
+    if curls.radius > 0.0:
+        hanging = fallen(hull, scalp_points, HANGS).direction[hull.hair]
+        guesses.append(Evidence(hanging, np.full(len(hanging), GUESS_WEIGHT)))
+    told = gather(hull, views, curls.maps, depths, tied=bool(len(tails.ties)))
+    return diffuse(hull, told, guesses)
+
+
+def _to_ties(tails: Tails, centres: Float[np.ndarray, "voxels 3"]) -> Evidence:
+    """Return the guess that hair near a tie runs straight to it."""
     pull = pull_of(tails, centres)
     weight = np.where(tails.hair, 0.0, GUESS_WEIGHT * pull.nearness)
     return Evidence(pull.towards, weight)

@@ -50,7 +50,7 @@ from .evidence import Field
 from .flow import hair_field, hair_flow
 from .gather import Rooted, gather_strands
 from .grow import grow, space_of, steps_on
-from .hull import Hull, carve
+from .hull import Hull, carve_sparse
 from .locks import with_locks
 from .presets import PRESETS, Preset, by_photographs, for_waves
 from .prune import prune
@@ -323,7 +323,7 @@ def _first_tree(
         shots = trusted_shots(capture.views, head, store)
         views, depths = shots.views, shots.depths
         progress("carving the hull", 0.03)
-        hull = carve(views, depths, head, preset.spacing)
+        hull, gaps = carve_sparse(views, depths, head, preset.spacing)
         hull = with_unfaced(hull, views, depths, head)
         sights = coarser_sights(shots, hull)
         size = largest([sight.view for sight in sights])
@@ -352,7 +352,7 @@ def _first_tree(
             wavy = shapes._replace(knots=preset.knots)
             ahead(compile_refinement, wavy, by_photographs(preset.refine))
         hull = carve_by_consistency(hull, views, maps, depths, curls.radius > 0.0)
-        scalp = capture.scalp or wrapped_scalp(shots, head)
+        scalp = capture.scalp or wrapped_scalp(shots, head, gaps)
         progress("growing strands", 0.27)
         roots = _roots(scalp, preset, config)
         hull = bridged(hull if curls.told else allowed, roots.points, views)

@@ -22,7 +22,7 @@ from ..model.scalp import Scalp
 from ..render.raster import mesh_depth
 from ..types import Mesh
 from .checkpoint import Checkpoint
-from .hull import Hull, pixel_sizes, without_gaps
+from .hull import GAPS, Hull, pixel_sizes, without_gaps
 from .suspects import Doubt, find_suspects, shaken_doubt, shrink
 from .trust import Trusted, mute_clipped, without_suspects
 
@@ -163,13 +163,19 @@ def look_at(
     return shots._replace(doubts=tuple(doubts)), maps
 
 
-def wrapped_scalp(shots: Shots, head: Mesh) -> Scalp:
+def wrapped_scalp(shots: Shots, head: Mesh, gaps: float = GAPS) -> Scalp:
     """Return the scalp that the photographs' masks draw on a head.
 
     Skin shows between shorn hairs, which grow there all the same.
+
+    Args:
+        shots: The photographs.
+        head: The head.
+        gaps: Radius of the widest gaps between hairs, in metres.
     """
     both = zip(shots.views, shots.depths, strict=True)
-    return wrap_scalp(head, [SeenHead(without_gaps(*one), one[1]) for one in both])
+    closed = [SeenHead(without_gaps(*one, gaps), one[1]) for one in both]
+    return wrap_scalp(head, closed)
 
 
 def _depths(views: Sequence[View], head: Mesh, store: Checkpoint) -> Depths:

@@ -16,6 +16,7 @@ from hairfit.fit.consistency import (
     unsure_of_place,
     usual_shade,
 )
+from hairfit.fit.hull import hull_of
 from hairfit.fit.shades import Shade
 from hairfit.render.raster import project_points
 
@@ -111,6 +112,19 @@ def test_hair_that_turns_tells_where_its_surface_is(hull):
 def test_hair_that_runs_one_way_tells_nothing(hull):
     carved = carve_by_consistency(hull, *ring(upright))
     assert (carved.hair & hull.hair).sum() > 0.98 * hull.hair.sum()
+
+
+def test_hair_that_nothing_else_explains_stays(hull, monkeypatch):
+    def without_a_band(whole, ask):
+        band = np.abs(all_centres(whole)[..., 1]) < 0.02
+        return hull_of(whole.grid, whole.hair & ~band, whole.head)
+
+    monkeypatch.setattr("hairfit.fit.consistency.carve_layers", without_a_band)
+    carved = carve_by_consistency(hull, *ring(waved))
+    # Above and below it voxels beside the band explain the next.
+    band = hull.hair & (np.abs(all_centres(hull)[..., 1]) < 0.008)
+    assert carved.hair[band].mean() > 0.9
+    assert (carved.distance[carved.hair] < 0).all()
 
 
 @pytest.fixture(scope="module")

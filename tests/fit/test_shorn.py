@@ -125,3 +125,14 @@ def test_where_streaks_go_on_there_is_no_stubble(shorn):
     without, told = (gather(shorn, seen, faint, depths) for seen in (even, views))
     assert without.stubble is not None and without.stubble.mean() > 0.2
     assert told.stubble is not None and not told.stubble.any()
+
+
+def test_beside_a_tail_stubble_is_where_streaks_end_and_not_where_none_are_seen(shorn):
+    views, maps, depths = photographed(0.008, ring(3, finer=5))
+    faint = [dataclasses.replace(one, confidence=0.1 * one.confidence) for one in maps]
+    even = [dataclasses.replace(view, image=0.0 * view.image) for view in views]
+    for seen, told in ((views, True), (even, False)):
+        alone = gather(shorn, seen, faint, depths).stubble
+        tied = gather(shorn, seen, faint, depths, tied=True).stubble
+        assert alone is not None and tied is not None and alone.mean() > 0.2
+        assert (tied == (alone if told else False)).all()
