@@ -24,7 +24,8 @@ Where a tail leaves the head (`tails.py`), the hair around goes to its tie, the 
 the surer: a line gains by coming to a tie as by coming farther from the scalp, and hair
 beside one grows towards it. From the nape it grows up to the tie, though lines there
 lead down as well, into the few loose hairs that are farther from the scalp. Where no
-tail leaves it, the tie may be where flat hair is drawn to (`updos.py`).
+tail leaves it, the tie may be where flat hair is drawn to (`updos.py`). In a knot hair
+is wound up about its tie: only to come into it is a gain.
 """
 
 from typing import NamedTuple
@@ -81,7 +82,8 @@ def growth_sense(
         tails = find_updos(hull, field, away)
     pull = pull_of(tails, hull.grid.centres(hull.hair))
     distance = np.zeros(hull.grid.shape)
-    distance[hull.hair] = away + GATHERED * pull.nearness
+    gathered = tails.hair if tails.wound else pull.nearness
+    distance[hull.hair] = away + GATHERED * gathered
     outwards = uphill(hull.distance)
     ahead, behind = (
         _farther(hull, outwards, field, distance, start, way * heading, curly)

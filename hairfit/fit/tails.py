@@ -31,10 +31,12 @@ class Tails(NamedTuple):
     Attributes:
         hair: Which voxels of hair are of a tail.
         ties: The middles of their narrowest bases, in metres.
+        wound: Whether they are knots, in which hair ends that runs to their ties.
     """
 
     hair: Bool[np.ndarray, " voxels"]
     ties: Float[np.ndarray, "tails 3"]
+    wound: bool = False
 
 
 def no_tails(voxels: int) -> Tails:

@@ -5,6 +5,8 @@ a tail is that stands off, see `tails`. But flat hair shows where it is drawn: n
 all lines of the field that lead out of it, into hair that is higher, lead to one place,
 or to one on each side, and the other way to where hair begins. Hair that falls leads
 out of what is thin, at a parting or crown, to all sides, or both ways.
+Where lines are lost on the way, or pass below what is wound up, a knot on an otherwise
+flat head is one still; or a tail, if it is tall, whose base is too wide for `tails`.
 """
 
 import numpy as np
@@ -25,6 +27,17 @@ SIDES = 2  # ties at most
 # from so much flat hair, in cubic metres. Hair drawn up has 0.66 to 0.97 and 35 cm³ or
 # more; hair that falls 0.41 at most, but for 12 cm³ on a receding crown.
 MOST, LEAST = 0.6, 25e-6
+# What is farther from the scalp than one of these, in metres, is a knot: on a base of
+# so many square metres at most, that many metres tall, with such a share of all hair
+# and so many cubic metres: a ball of 4 cm.
+KNOTS = np.arange(0.015, 0.046, 0.005)
+KNOT_BASE, KNOT_TALL, KNOT_SHARE, KNOT_LEAST = 80e-4, 0.02, 0.05, 30e-6
+# No more of the hair than this is as far elsewhere, and so many cubic metres are flat.
+# Heads that have no knot have bases of 165 cm² and more, or less hair on them.
+KNOT_REST, KNOT_LIES = 0.08, 50e-6
+# Such as are taller are tails: knots have 22 to 65 mm, tails 74 mm and more. About a
+# knot's tie what is no longer flat is of it, so far around.
+KNOT_TAIL, KNOT_ROUND = 0.07, 0.04
 ASKED = 300  # lines that are tried as the middle of a tie
 
 
@@ -52,12 +65,45 @@ def find_updos(hull: Hull, field: Field, away: Float[np.ndarray, " voxels"]) -> 
         come += int(near.sum())
         left = left[~near]
     if not ties or come < MOST * (count > 0).sum():
-        return no_tails(len(away))
+        lies = spacing**3 * flat.sum() >= KNOT_LIES
+        return find_knots(hull, away) if lies else no_tails(len(away))
     pieces = pieces_of(high)[hull.hair]
     beyond = np.flatnonzero(pieces)
     nearest = KDTree(centres[beyond]).query(np.array(ties))[1]
     mine = np.isin(pieces, pieces[beyond[nearest]])
     return Tails(mine & (pieces > 0), np.array(ties))
+
+
+def find_knots(hull: Hull, away: Float[np.ndarray, " voxels"]) -> Tails:
+    """Return the knots, or tails, on a head whose hair lies flat but for them.
+
+    Args:
+        hull: Where hair can be.
+        away: How far each voxel of hair is from the scalp, in metres.
+    """
+    spacing, centres = hull.grid.spacing, hull.grid.centres(hull.hair)
+    beyond = np.zeros(hull.grid.shape, bool)
+    for level in KNOTS:
+        beyond[hull.hair] = away > level
+        piece = pieces_of(beyond)[hull.hair]
+        begins = away <= level + spacing
+        size = np.bincount(piece)
+        base = np.bincount(piece[begins], minlength=len(size))
+        size[0] = 0
+        stands = (base > 0) & (spacing**2 * base <= KNOT_BASE)
+        stands &= spacing * size >= KNOT_TALL * base
+        least = max(KNOT_SHARE * len(away), KNOT_LEAST / spacing**3)
+        knots = np.flatnonzero(stands & (size >= least))
+        rest = size.sum() - size[knots].sum()
+        if 0 < len(knots) <= SIDES and rest <= KNOT_REST * len(away):
+            ties = [centres[begins & (piece == one)].mean(axis=0) for one in knots]
+            hair = np.isin(piece, knots)
+            wound = bool((spacing * size < KNOT_TAIL * base)[knots].all())
+            if wound:
+                near = KDTree(ties).query(centres)[0] < KNOT_ROUND
+                hair |= near & (away > HIGH)
+            return Tails(hair, np.array(ties), wound)
+    return no_tails(len(away))
 
 
 def _arrivals(

@@ -4,6 +4,7 @@ from ball_hair import all_centres, hull_where
 
 from hairfit.fit.evidence import Field
 from hairfit.fit.sense import ALOFT, DOUBT, LOSES, REACHED, SAME, growth_sense
+from hairfit.fit.tails import no_tails
 
 SPACING = 0.004
 
@@ -41,9 +42,12 @@ def bar(length, height=0.0):
 
 @pytest.fixture
 def single_lines(monkeypatch):
-    """Each place says what its own line says."""
+    """Each place says what its own line says, and a strip's ends are no knots."""
     monkeypatch.setattr("hairfit.fit.sense.EVERY", 1)
     monkeypatch.setattr("hairfit.fit.sense.AROUND", 1e-6)
+    monkeypatch.setattr(
+        "hairfit.fit.sense.find_updos", lambda hull, field, away: no_tails(len(away))
+    )
 
 
 @pytest.mark.usefixtures("single_lines")
