@@ -162,7 +162,9 @@ def _farther(
         ends = inside & ~hull.hair[at]
         beyond = tuple(axis[ends] for axis in at)
         steep = (outwards[beyond] * heading[ends]).sum(axis=1)
-        tip[rows[ends]] = belief[ends] * _in_the_air(hull.head[beyond], steep)
+        # Such a place is up to a voxel higher than where the line left the hair.
+        height = hull.head[beyond] - grid.spacing
+        tip[rows[ends]] = belief[ends] * _in_the_air(height, steep)
         if not on.any():
             break
         at = tuple(axis[on] for axis in at)
