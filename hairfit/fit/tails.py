@@ -9,7 +9,7 @@ that falls all around, or stands off, has wide ones.
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
 from ..render.raster import unit
@@ -44,6 +44,34 @@ def no_tails(voxels: int) -> Tails:
     return Tails(np.zeros(voxels, bool), np.zeros((0, 3)))
 
 
+class Beyond(NamedTuple):
+    """The pieces of the hull beyond a distance from the scalp.
+
+    Attributes:
+        piece: The number of the piece of each voxel of hair, 0 for none.
+        begins: Which voxels are no farther than the nearest beyond it.
+        size: The voxels of each piece; of number 0, those of none.
+        base: How many of them begin it.
+    """
+
+    piece: Int[np.ndarray, " voxels"]
+    begins: Bool[np.ndarray, " voxels"]
+    size: Int[np.ndarray, " pieces"]
+    base: Int[np.ndarray, " pieces"]
+
+
+def pieces_beyond(
+    hull: Hull, away: Float[np.ndarray, " voxels"], level: float
+) -> Beyond:
+    """Return the pieces of the hull beyond a distance from the scalp, in metres."""
+    beyond = np.zeros(hull.grid.shape, bool)
+    beyond[hull.hair] = away > level
+    piece = pieces_of(beyond)[hull.hair]
+    begins = away <= level + hull.grid.spacing
+    size = np.bincount(piece)
+    return Beyond(piece, begins, size, np.bincount(piece[begins], minlength=len(size)))
+
+
 def find_tails(hull: Hull, away: Float[np.ndarray, " voxels"]) -> Tails:
     """Return the tails of a hull.
 
@@ -54,13 +82,8 @@ def find_tails(hull: Hull, away: Float[np.ndarray, " voxels"]) -> Tails:
     spacing, centres = hull.grid.spacing, hull.grid.centres(hull.hair)
     tail = np.zeros(len(away), int)  # its number, from 1 on
     narrowest, ties = [], []
-    beyond = np.zeros(hull.grid.shape, bool)
     for level in LEVELS:
-        beyond[hull.hair] = away > level
-        piece = pieces_of(beyond)[hull.hair]
-        begins = away <= level + spacing
-        size = np.bincount(piece)
-        base = np.bincount(piece[begins], minlength=len(size))
+        piece, begins, size, base = pieces_beyond(hull, away, float(level))
         fits = (base > 0) & (base * spacing**2 <= WIDEST)
         fits &= (size * spacing >= LONG * base) & (size >= LEAST * len(away))
         fits[0] = False

@@ -17,7 +17,7 @@ from .bridges import pieces_of
 from .evidence import Field
 from .hull import Hull
 from .stubble import thin_hair
-from .tails import Tails, no_tails
+from .tails import Tails, no_tails, pieces_beyond
 
 HIGH = 0.020  # metres from the scalp beyond which hair is no longer flat
 LONGEST = 0.3  # metres of a line
@@ -82,13 +82,8 @@ def find_knots(hull: Hull, away: Float[np.ndarray, " voxels"]) -> Tails:
         away: How far each voxel of hair is from the scalp, in metres.
     """
     spacing, centres = hull.grid.spacing, hull.grid.centres(hull.hair)
-    beyond = np.zeros(hull.grid.shape, bool)
     for level in KNOTS:
-        beyond[hull.hair] = away > level
-        piece = pieces_of(beyond)[hull.hair]
-        begins = away <= level + spacing
-        size = np.bincount(piece)
-        base = np.bincount(piece[begins], minlength=len(size))
+        piece, begins, size, base = pieces_beyond(hull, away, float(level))
         size[0] = 0
         stands = (base > 0) & (spacing**2 * base <= KNOT_BASE)
         stands &= spacing * size >= KNOT_TALL * base
