@@ -86,6 +86,8 @@ def carve_by_consistency(
     ask = partial(contradictions, views=views, maps=maps, depths=depths, shades=shades)
     left = carve_layers(hull, ask)
     gone = hull.hair & ~left.hair
+    if not gone.any():
+        return left
     hair = with_unexplained(hull.grid, left.hair, gone, views, depths)
     if (hair == left.hair).all():
         return left
