@@ -130,7 +130,8 @@ def shifted(
     """Return what lies so many pixels farther at each pixel, 0 beyond the border."""
     out = np.zeros_like(values)
     rows, columns = values.shape[:2]
-    target = values[max(row, 0) : rows + row, max(column, 0) : columns + column]
+    end = max(rows + row, 0), max(columns + column, 0)
+    target = values[max(row, 0) : end[0], max(column, 0) : end[1]]
     at = max(-row, 0), max(-column, 0)
     out[at[0] : at[0] + target.shape[0], at[1] : at[1] + target.shape[1]] = target
     return out

@@ -161,7 +161,9 @@ def test_swings_are_what_is_left_of_the_mean():
     assert swings.times == 3 and swings.pixel == pytest.approx(PIXEL)
 
 
-@pytest.mark.parametrize("step", [(0, 0), (2, -3), (-4, 1), (9, 0), (0, -20)])
+@pytest.mark.parametrize(
+    "step", [(0, 0), (2, -3), (-4, 1), (9, 0), (0, -20), (-8, 2), (2, -11)]
+)
 def test_shifted_pixels_come_from_so_far_ahead(step):
     values = np.random.default_rng(0).normal(size=(6, 8, 2)).astype(np.float32)
     found = shifted(values, *step)
