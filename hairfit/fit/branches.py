@@ -4,6 +4,10 @@ Strands that run side by side stay side by side. What passes a tie comes out of 
 thin as it went in, and of the tail behind it most stays empty, though the flow fills
 it. So from empty places one goes up the flow until a strand is met that runs the same
 way, and down to the tip: a strand that shares the root of the one it was met by.
+
+Above a parting the outermost hair of either side begins in the air, as lines part
+there: it rises from the roots below and goes over. So a path that meets no strand, and
+ends above roots, begins at the nearest of them.
 """
 
 from typing import NamedTuple
@@ -28,6 +32,9 @@ ROUNDS = 2
 SEEDS = 0.125  # empty places tried in a round, for each strand; in whole batches
 FINE = 150  # points of a path
 SMOOTH = 4.0  # points over which a branch leaves its strand
+# A path that ends in the air begins at a root that is no farther than this, in metres,
+# and no farther than so many times the height above the skin, and a voxel.
+RISE, UPRIGHT = 0.03, 1.3
 
 
 class Branched(NamedTuple):
@@ -56,6 +63,7 @@ def with_branches(
     rng = np.random.default_rng(seed)
     found, origin = strands, np.arange(len(strands))
     # What is traced together costs as much with fewer.
+    roots = KDTree(strands[:, 0])
     back = space.backwards()
     count = AT_ONCE * int(np.ceil(SEEDS * len(strands) / AT_ONCE))
     for _ in range(ROUNDS):
@@ -70,6 +78,7 @@ def with_branches(
         down = grow(space, start, still, FINE, config)
         up = grow(back, start, still, FINE, config)
         met = meetings(paths, near, up, MEET * hull.grid.spacing)
+        met = rooted_below(hull, roots, up, met)
         some = np.flatnonzero(met.strand >= 0)
         if not len(some):
             break
@@ -138,6 +147,31 @@ def meetings(
     back = np.rint(EASE * np.where(meets, gap, 0.0) / np.maximum(edge, 1e-9))
     return Meetings(
         np.where(meets, strand, -1), np.maximum(at - back.astype(int), 0), step
+    )
+
+
+def rooted_below(
+    hull: Hull,
+    roots: KDTree,
+    up: Float[np.ndarray, "paths steps 3"],
+    met: Meetings,
+) -> Meetings:
+    """Return meetings where paths that met nothing, but end above roots, meet a root.
+
+    Args:
+        hull: Where hair can be, and how far from the skin.
+        roots: Of the grown strands.
+        up: Paths from empty places towards roots.
+        met: Where they meet strands.
+    """
+    end, spacing = up[:, -1], hull.grid.spacing
+    height = hull.head[hull.grid.locate(end).at]
+    away, root = roots.query(end, distance_upper_bound=RISE, workers=-1)
+    below = (met.strand < 0) & (away < UPRIGHT * height + spacing)
+    return Meetings(
+        np.where(below, root, met.strand),
+        np.where(below, 0, met.at),
+        np.where(below, up.shape[1] - 1, met.step),
     )
 
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from ball_hair import hull_where
+from ball_hair import all_centres, hull_where
 from scipy.spatial import KDTree
 
-from hairfit.fit.branches import FINE, empty_places, meetings, with_branches
+from hairfit.fit.branches import FINE, RISE, empty_places, meetings, with_branches
 from hairfit.fit.evidence import Field
 from hairfit.fit.grow import GrowConfig, grow, space_of
 from hairfit.types import resample_paths
@@ -70,6 +70,45 @@ def test_grown_strands_stay_and_branches_share_their_roots(bottle, straight):
     assert (np.diff(branch[..., 1], axis=1) < 0.0).all()
     radius = np.hypot(branch[..., 0], branch[..., 2])
     assert radius.max() < WIDE + SPACING
+
+
+def parted(high):
+    """Hair on flat skin that goes to either side of x = 0, and strands close to it."""
+
+    def inside(p):
+        near = (np.abs(p[:, 0]) < 0.06) & (np.abs(p[:, 2]) < 0.02)
+        return near & (p[:, 1] > 0.0) & (p[:, 1] < high)
+
+    low, far = [-0.07, -0.01, -0.03], [0.07, high + 0.01, 0.03]
+    hull = hull_where(inside, low, far, SPACING, head=lambda p: p[:, 1])
+    flow = np.zeros((*hull.grid.shape, 3))
+    flow[..., 0] = np.sign(all_centres(hull)[..., 0])
+    space = space_of(hull, Field(flow, np.ones(hull.grid.shape)), flow)
+    x, z = np.meshgrid(np.linspace(0.004, 0.04, 10), np.linspace(-0.018, 0.018, 9))
+    roots = np.stack([x, np.full_like(x, 0.002), z], axis=-1).reshape(-1, 3)
+    along = np.linspace(0.0, 1.0, 30)[:, None] * [1.0, 0.0, 0.0]
+    right = roots[:, None] + (0.058 - roots[:, None, :1]) * along
+    return hull, space, np.concatenate([right, right * [-1.0, 1.0, 1.0]])
+
+
+def test_outer_hair_rises_from_the_roots_along_its_parting():
+    hull, space, strands = parted(0.024)
+    found = with_branches(hull, space, strands, CONFIG, 0)
+    branch = found.strands[len(strands) :]
+    outer = branch[branch[..., 1].max(axis=1) > 0.01]
+    assert len(outer) > 10
+    # From roots next to the parting, up, and then along the flow to the end of it.
+    assert np.abs(outer[:, 0, 0]).max() < 0.02
+    assert np.abs(outer[:, 0, 1] - 0.002).max() < 1e-12
+    assert np.abs(outer[:, -1, 0]).min() > 0.045
+    assert share_covered(hull, strands) < 0.5
+    assert share_covered(hull, found.strands) > 0.9
+
+
+def test_nothing_rises_to_hair_far_above_the_skin():
+    hull, space, strands = parted(0.08)
+    found = with_branches(hull, space, strands, CONFIG, 0).strands
+    assert RISE - 2 * SPACING < found[..., 1].max() < RISE + 2 * SPACING
 
 
 def test_the_same_seed_gives_the_same_branches(bottle, straight):
